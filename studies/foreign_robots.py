@@ -45,13 +45,15 @@ from foreign.tables import draw, summary
 KINDS = ("one", "two", "none", "outside", "constants")
 
 
-def one_case(seed: int, btr: Btr, keep: Path | None, integrator: str) -> Outcome:
+def one_case(
+    seed: int, btr: Btr, keep: Path | None, integrator: str, shows: tuple[float, float] | None
+) -> Outcome:
     """A case from its seed to its score."""
     began = time.process_time()
     with tempfile.TemporaryDirectory() as temporary:
         folder = keep / str(seed) if keep else Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        case = build(seed, integrator)
+        case = build(seed, integrator, shows)
         files = write(case, folder)
         outcome = judge(btr, case, files, time.process_time() - began)
         (folder / "outcome.json").write_text(json.dumps(dataclasses.asdict(outcome), indent=1))
@@ -89,6 +91,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=2, help="threads of btr for each case")
     parser.add_argument("--timeout", type=float, default=240.0, help="seconds of the processor for a diagnosis")
     parser.add_argument("--integrator", default="", help="Euler or implicitfast: MuJoCo's own error becomes an effect")
+    parser.add_argument("--shows", type=float, nargs=2, metavar=("FROM", "TO"), help="how large effects are, in floors")
     parser.add_argument("--keep", type=Path, help="where to keep models, logs and outcomes, a folder for each seed")
     parser.add_argument("--out", type=Path, help="where to write all outcomes as JSON")
     parser.add_argument("--again", type=Path, help="print the summary of such a file and stop")
@@ -102,7 +105,8 @@ def main() -> None:
         chosen = [args.only] if args.only is not None else list(seeds(args.first, args.cases, args.kinds, args.effects))
         btr = Btr(args.btr, args.threads, args.timeout)
         with ProcessPoolExecutor(args.jobs) as pool:
-            asked = {pool.submit(one_case, seed, btr, args.keep, args.integrator): seed for seed in chosen}
+            shows = tuple(args.shows) if args.shows else None
+            asked = {pool.submit(one_case, seed, btr, args.keep, args.integrator, shows): seed for seed in chosen}
             for done in as_completed(asked):
                 if error := done.exception():
                     print(f"not a case  {asked[done]:>5} {error!r}", flush=True)

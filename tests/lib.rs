@@ -1,4 +1,7 @@
-//! A small analytic world for tests of the loop: a damped oscillation whose amplitude and phase are the controller.
+//! A small analytic world for tests of the loop: a damped oscillation whose amplitude and phase are the controller; and
+//! the desk arm with something planted in it.
+
+pub mod planted;
 
 use btr_core::coevolve::{Coevolution, Environment, Plan, StepOutcome, StopReason};
 use btr_core::distance::Distance;

@@ -2,58 +2,16 @@
 //! apart.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use btr_core::log::{Log, Role};
-use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, RivalPoint, Verdict, diagnose};
-use btr_identify::fit::Objective;
-use btr_lab::experiment::{Source, model};
+use btr_identify::diagnose::{Diagnosis, RivalPoint, Verdict};
 use btr_lab::identification::IdentificationProblem;
 use btr_lab::verbs::{NextExperiment, next_experiment};
-use btr_physics::drive::Replay;
 use btr_physics::effects::{EFFECTS, FormulaTarget, PlacedEffect, formula};
-use btr_physics::model::{Model, Scenario};
-use btr_physics::rollout::{RolloutRequest, simulate};
-use std::path::Path;
-use std::sync::Arc;
+use btr_tests::planted::{Planted, Waves, arm, diagnosis, problem as planted_problem};
 
-/// The desk arm.
-fn arm() -> Model {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/arm.toml");
-    model(&Source::read(&path).unwrap()).unwrap()
-}
-
-/// Three seconds of commands, other ones for each episode and joint.
-fn scenario(model: &Model, episode: usize) -> Scenario {
-    let clock: Vec<f64> = (0..=300).map(|i| f64::from(i) * 0.01).collect();
-    let mut told = Log::new(clock.clone()).unwrap();
-    for (k, (_, link)) in model.robot.movable().enumerate() {
-        let rate = 2.0 + 1.3 * k as f64 + 0.7 * episode as f64;
-        let wave = |t: &f64| 0.45 * (rate * t).sin() + 0.2 * (2.3 * rate * t).sin();
-        told.insert(format!("cmd_{}", link.joint.name), "rad", Role::Command, clock.iter().map(wave).collect())
-            .unwrap();
-    }
-    Scenario {
-        name: format!("episode {episode}"),
-        replay: Some(Arc::new(Replay::new(&told, &model.robot))),
-        duration_s: 3.0,
-        settings: Vec::new(),
-        start: Vec::new(),
-        ..Scenario::default()
-    }
-}
-
-/// The arm beside what it does with `hidden` in it: two episodes to learn from, one to judge on.
+/// The arm with logs of what it does with `hidden` in it.
 fn problem(hidden: &[PlacedEffect], without: &[&str]) -> IdentificationProblem {
-    let mut model = Model { learn: 2, ..arm() };
-    model.scenarios = (0..3).map(|episode| scenario(&model, episode)).collect();
-    let record = |episode: usize| {
-        let (robot, mut effects, setup) = model.at(&model.simulations.nominal(), episode);
-        effects.extend_from_slice(hidden);
-        let drive = model.scenarios[episode].replay.clone().unwrap();
-        simulate(RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects).noise_seed(episode as u64))
-            .unwrap()
-    };
-    let logs = (0..3).map(record).collect();
-    IdentificationProblem::new(Arc::new(model), logs, without).unwrap()
+    let planted = Planted { effects: hidden.to_vec(), ..Planted::default() };
+    planted_problem(arm(str::to_owned), Waves { seconds: 3, amplitude_rad: 0.45 }, &planted, without)
 }
 
 /// A diagnosis that knows no effects, so that there is only the law.
@@ -61,7 +19,7 @@ fn asked(hidden: &[PlacedEffect]) -> (IdentificationProblem, Diagnosis) {
     let values = ["mass", "inertia", "length", "origin", "tilt", "kp", "ki", "kd", "max_torque"];
     let names: Vec<&str> = EFFECTS.iter().map(|effect| effect.spec().name).chain(values).collect();
     let problem = problem(hidden, &names);
-    let diagnosis = diagnose(&mut Objective::new(&problem), DiagnoseOptions::default(), &|_| {}).unwrap();
+    let diagnosis = diagnosis(&problem);
     (problem, diagnosis)
 }
 

@@ -77,8 +77,9 @@ def plan(seed: int) -> tuple[str, list[str]]:
     return kind, [options[turn % len(options)]]
 
 
-def build(seed: int, integrator: str = "") -> Case:
-    """The case of a seed, always the same. An integrator of MuJoCo, if one is named, takes its default step."""
+def build(seed: int, integrator: str = "", shows: tuple[float, float] | None = None) -> Case:
+    """The case of a seed, always the same. An integrator of MuJoCo, if one is named, takes its default step. What is
+    hidden shows by as many noise floors as asked for."""
     kind, effects = plan(seed)
     rng, hiding = np.random.default_rng([seed, 1]), np.random.default_rng([seed, 2])
     robot = generate(rng)
@@ -94,7 +95,7 @@ def build(seed: int, integrator: str = "") -> Case:
     elif kind != "none":
         usual = usually(case)
         for number, effect in enumerate(effects):
-            hide(case, effect, usual, number, hiding)
+            hide(case, effect, usual, number, hiding, shows)
         case.hidden.sort(key=lambda h: h.name)
         # A rotor that is hidden is none that the model knows.
         case.told.effects = known_rotors(case.robot)
@@ -277,9 +278,17 @@ def apart(case: Case, one: list[Vector], other: list[Vector]) -> float:
     return math.sqrt(float(squares.mean())) / case.sensors.floor
 
 
-def hide(case: Case, effect: str, usual: sizes.Usual, number: int, rng: Random) -> None:
+def hide(
+    case: Case,
+    effect: str,
+    usual: sizes.Usual,
+    number: int,
+    rng: Random,
+    shows: tuple[float, float] | None,
+) -> None:
     """Hides an effect at a site where it shows, and of a size at which it shows as much as it should."""
-    target = scaled(rng, 2.0, 5.0) if rng.random() < 0.35 else scaled(rng, 5.0, 40.0)
+    small = rng.random() < 0.35
+    target = scaled(rng, *(shows or ((2.0, 5.0) if small else (5.0, 40.0))))
     best: tuple[float, float, Hidden] | None = None
     for _ in range(1 if effect == "armature" else 3):
         where = sizes.site(effect, case.robot, rng)

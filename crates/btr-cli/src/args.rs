@@ -249,6 +249,10 @@ pub(crate) struct DiagnoseArgs {
     /// Stop searching after this time and report the best so far, as Ctrl-C does
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub(crate) max_time: Option<Duration>,
+    /// Stop searching after about as many simulated logs and report the best so far; usually 850 per joint, of at least
+    /// four joints, and per effect that may be named; without limit for floating robots
+    #[arg(long, value_name = "N")]
+    pub(crate) max_rollouts: Option<usize>,
     /// Where to write the commands of the next experiment, which separates effects that these logs cannot; .csv or
     /// .mcap
     #[arg(long, value_name = "LOG")]

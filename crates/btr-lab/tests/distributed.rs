@@ -139,6 +139,9 @@ fn an_arm_with_files_of_its_own() -> Tested<()> {
     };
     assert_ne!(from(&*local, 0)?, from(&residual_model, 0)?);
     assert_eq!(from(&*local, 1)?, from(&residual_model, 1)?);
+    let windows = (input.problem.derive(&Derivation::InWindows), residual_model.derive(&Derivation::InWindows));
+    let (local, remote) = windows.0.zip(windows.1).ok_or("a fixed robot's logs can be cut into windows")?;
+    assert_the_same(&*local, &*remote);
     Ok(())
 }
 

@@ -6,7 +6,6 @@ use crate::model::Model;
 use crate::page::Page;
 use crate::work::{ExecutorChoice, at_once, working};
 use btr_identify::LadderStep;
-use btr_identify::diagnose::DiagnoseOptions;
 use btr_lab::distributed::RemoteModel;
 use btr_lab::execution::ExecutionContext;
 use btr_lab::experiment;
@@ -70,6 +69,7 @@ pub(crate) fn diagnose(
     logs: Vec<LogArgument>,
     held_out: Vec<LogArgument>,
     max_effects: usize,
+    max_rollouts: Option<usize>,
     max_time_s: Option<f64>,
     tell: Py<PyAny>,
     executor: Option<ExecutorChoice>,
@@ -77,7 +77,7 @@ pub(crate) fn diagnose(
     let (logs, held_out, context) = (sources(logs), sources(held_out), model.context(py, executor)?);
     working(py, &context, || {
         let input = VerbInput::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
-        let question = DiagnoseOptions { max_effects, ..DiagnoseOptions::default() };
+        let question = input.options(max_effects, max_rollouts);
         let heard = |ladder_step: &LadderStep| say(&context, &tell, ladder_step);
         let family = served(&input, &context)?;
         let deadline = max_time_s.and_then(|s| Duration::try_from_secs_f64(s).ok()).map(|time| Instant::now() + time);

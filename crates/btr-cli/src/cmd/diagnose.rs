@@ -4,7 +4,7 @@ use super::common;
 use super::common::{announce, watch_for_interrupts, write_report, write_text};
 use crate::args::{DiagnoseArgs, Global};
 use crate::exit::{DONE, INTERRUPTED, MISSED};
-use btr_identify::diagnose::{DiagnoseOptions, Verdict};
+use btr_identify::diagnose::Verdict;
 use btr_io::Meta;
 use btr_lab::failure::Failure;
 use btr_lab::output::{OutputKind, Overwrite, guard, inputs};
@@ -27,7 +27,7 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     guard(outputs, inputs(&source, args.logs_args.all_logs()))?;
     let (replays, doubts) = common::replays(&source, &args.logs_args.logs, &args.logs_args.held_out, global)?;
     let input = VerbInput::of(source, replays).map_err(|e| Failure::input(e, &doubts))?;
-    let question = DiagnoseOptions { max_effects: args.max_effects, ..DiagnoseOptions::default() };
+    let question = input.options(args.max_effects, args.max_rollouts);
     let tell = |ladder_step: &_| common::tell(ladder_step, global);
     let interrupted = watch_for_interrupts("finishing with the best so far")?;
     let (flag, deadline) = (interrupted.clone(), args.max_time.map(|time| Instant::now() + time));
@@ -82,7 +82,7 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
     println!("\n{}\n", common::table(&report.error_ladder).render());
     println!("{}", sentence(report));
     if report.cut_short {
-        println!("stopped before the search had finished: this is the best so far");
+        println!("stopped before the search had finished: this is the best so far; --max-rollouts N searches longer");
     }
     report.shows_noise().iter().for_each(|sentence| println!("{sentence}"));
     report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));

@@ -5,7 +5,6 @@
 //! again where others make them superfluous. The answer may be that nothing is missing, or that nothing known explains
 //! the error.
 
-mod beginnings;
 mod evidence;
 mod judge;
 mod linear;
@@ -14,6 +13,7 @@ mod report;
 mod residual_law;
 mod round;
 mod screen;
+mod short_parts;
 mod start_point;
 mod state;
 pub mod thresholds;
@@ -28,6 +28,9 @@ use btr_core::world::{Cancelled, WorldError};
 use residual_law::residual_law;
 use round::round;
 use state::DiagnosisState;
+
+/// Share of the rollouts for effects; the rest is for a law.
+const SEARCH: f64 = 0.8;
 
 /// Finds out which effects of the model's candidates are missing; `on_step` is called with every step of the ladder as
 /// it is reached.
@@ -72,6 +75,11 @@ fn go_on_with_new_starts(
         return go_on(objective, question, state, on_step);
     }
     state.continue_with(&mut again, on_step);
+    if !contact {
+        // From the wrong starts, a simpler effect may have fitted worse.
+        let all = 0..state.chosen.len();
+        state.simplify(&again, all);
+    }
     go_on_with_new_starts(&mut again, question, state, on_step, restarts_left - 1)
 }
 
@@ -84,25 +92,30 @@ fn go_on(
 ) -> Diagnosis {
     let mut cut_short = false;
     while state.chosen.len() < question.max_effects && state.leaves_something(objective, &state.fit) {
-        let costs_too_much = objective.rollouts().saturating_add(screen::rollouts(objective)) > question.max_rollouts;
-        cut_short = costs_too_much || objective.is_stopped();
+        let next = objective.rollouts().saturating_add(screen::rollouts(objective));
+        cut_short = !question.allows(SEARCH, next) || objective.is_stopped();
         if cut_short {
             break;
         }
         let rounds = state.rounds.len();
-        let found = round(objective, &mut state);
+        let found = round(objective, &mut state, question);
         if objective.is_stopped() {
             // A round that was not finished has not seen all rivals: nothing is named by it.
             state.rounds.truncate(rounds);
             cut_short = true;
             break;
         }
-        let Some((rival, found)) = found else { break };
+        let Some((rival, found)) = found else {
+            cut_short = !question.allows(round::SECOND_LOOK, objective.rollouts());
+            break;
+        };
         // An accepted effect is finished: stopped halfway, it would be neither fitted nor judged.
         objective.set_stoppable(false);
         state.accept(objective, rival, found, on_step);
         state.eliminate(objective);
-        state.simplify(objective);
+        // The latest effect has just been compared with the simpler ones.
+        let earlier = 0..state.chosen.len().saturating_sub(1);
+        state.simplify(objective, earlier);
         objective.set_stoppable(true);
         let contact = objective.description.has_contact;
         if state.leaves_something(objective, &state.fit) || (!contact && state.fails_on_held_out(objective)) {

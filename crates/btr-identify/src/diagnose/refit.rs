@@ -1,6 +1,6 @@
 //! Fitting the screened candidates: a few cheap steps for many, the full budget for the leaders.
 
-use super::screen::{best, simulate};
+use super::screen::{best, simulate, simulate_worst};
 use super::start_point::{StartPoint, has_two_sides, with};
 use crate::fit::measure::NOISE;
 use crate::fit::residual_vector::chi;
@@ -20,7 +20,9 @@ const MOST: usize = 6;
 const TYPICAL: f64 = 0.5;
 /// ... or sizes at which it is simulated, and how many of those that do best there take part in the race.
 const SIZES: [f64; 3] = [0.5, 3.0, 16.0];
-const CHANCES: usize = 16;
+const CHANCES: usize = 8;
+/// The same with contact, where one log shows little.
+const CHANCES_ON_CONTACT: usize = 16;
 /// The budget for the leader of the race, and for each of the others.
 const LEADER: SearchBudget = SearchBudget { jacobians: 3, steps: 16 };
 pub(super) const FOLLOWER: SearchBudget = SearchBudget { jacobians: 2, steps: 12 };
@@ -74,8 +76,14 @@ pub(super) fn last_chance_of_the_best(
     let sizes = |candidate: usize| signs(candidate).flat_map(|sign| SIZES.map(|size| sign * size));
     let all = others.iter().flat_map(|&c| sizes(c).map(move |size| (c, size)));
     let mut starts: Vec<StartPoint> = all.map(|(candidate, size)| of_size(objective, base, candidate, size)).collect();
-    simulate(objective, std::slice::from_ref(base), &mut starts);
-    let starts = best(starts, CHANCES);
+    let chances = if objective.description.has_contact {
+        simulate(objective, std::slice::from_ref(base), &mut starts);
+        CHANCES_ON_CONTACT
+    } else {
+        simulate_worst(objective, base, &mut starts);
+        CHANCES
+    };
+    let starts = best(starts, chances);
     let mut base = base.clone();
     base.differentiate(objective);
     run(objective, &[base], &starts, Some(leader))

@@ -11,9 +11,17 @@ use serde::{Deserialize, Serialize};
 pub struct DiagnoseOptions {
     /// The most effects to add.
     pub max_effects: usize,
-    /// No round begins whose first screening would carry the simulated logs beyond this number, and no law is searched
-    /// beyond it. The later parts of a round (refits, and with contact a second screening) are not counted in advance.
+    /// About how many logs may be simulated. No round begins whose first screening would carry them beyond four fifths
+    /// of this number, none screens a second time beyond half of it, and no law is searched beyond all of it. What a
+    /// round has begun to fit is finished.
     pub max_rollouts: usize,
+}
+
+impl DiagnoseOptions {
+    /// Whether a share of the rollouts is left, after these.
+    pub(super) fn allows(&self, share: f64, rollouts: usize) -> bool {
+        (rollouts as f64) <= share * self.max_rollouts as f64
+    }
 }
 
 impl Default for DiagnoseOptions {

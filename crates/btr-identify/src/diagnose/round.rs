@@ -1,39 +1,62 @@
 //! One round of a diagnosis: which of the effects that are not chosen yet explains most of the remaining error, and
 //! whether it is accepted.
 
-use super::beginnings::from_beginnings;
 use super::judge::judge_rivals;
 use super::refit::{Rival, last_chance, last_chance_of_the_best, race};
-use super::report::MissingEffect;
+use super::report::{DiagnoseOptions, MissingEffect};
 use super::screen::screen;
+use super::short_parts::from_short_parts;
 use super::start_point::StartPoint;
 use super::state::DiagnosisState;
 use crate::fit::measure::NOISE;
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective};
+use crate::residual_model::Derivation;
 
 /// If an effect leaves more than this share of the sum of squares, the base may reach the same without it.
 const MODEST: f64 = 0.5;
+/// If it leaves more than this share, it has hardly moved the free parameters, and a second screening from where they
+/// are now would show the same.
+const HARDLY: f64 = 0.7;
+
+/// Share of the allowed rollouts up to which a round looks at the candidates in more than one way.
+pub(super) const SECOND_LOOK: f64 = 0.5;
+
+/// An error above this many noise floors, even with the leader, is far away: probes around a motion that has run off
+/// predict little.
+const FAR: f64 = 5.0;
 
 /// Number of the best rivals whose effects are tried at other sites if none of them explains enough.
 const OTHER_SITES: usize = 3;
 
 /// Screens, races and judges; the winner if it is accepted.
-pub(super) fn round(objective: &mut Objective, state: &mut DiagnosisState) -> Option<(Rival, MissingEffect)> {
+pub(super) fn round(
+    objective: &mut Objective,
+    state: &mut DiagnosisState,
+    options: DiagnoseOptions,
+) -> Option<(Rival, MissingEffect)> {
     let chosen = |candidate: &usize| state.chosen.iter().any(|found| found.candidate == *candidate);
     let offered: Vec<usize> = (0..objective.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
-    let (mut rivals, mut starts) = from_beginnings(objective, state, &offered);
+    let (mut rivals, mut starts) = from_short_parts(objective, state, &Derivation::Beginnings, &offered);
     rivals = best_of_each(rivals);
     if rivals.first().is_none_or(|leader| state.leaves_something(objective, &leader.fit)) {
         let (others, screened) = from_the_whole(objective, state, &offered);
         rivals = best_of_each(rivals.into_iter().chain(others).collect());
         starts.extend(screened);
     }
+    let allowed = |objective: &Objective| options.allows(SECOND_LOOK, objective.rollouts());
+    if leaves_more_than(FAR, objective, &rivals) && allowed(objective) {
+        let (near, screened) = from_short_parts(objective, state, &Derivation::InWindows, &offered);
+        rivals = best_of_each(rivals.into_iter().chain(near).collect());
+        starts.extend(screened);
+    }
     let leader = rivals.first()?;
+    let hardly = leader.fit.squares() > HARDLY * state.fit.squares() && !objective.description.has_contact;
     if leader.fit.squares() > MODEST * state.fit.squares() {
         drop_effect(objective, leader, state).into_iter().for_each(|drop_effect| state.follow(objective, drop_effect));
     }
-    let again = to_be_tried_again(objective, leader, &rivals, &starts, &offered);
+    let screened = if hardly || !allowed(objective) { &[] } else { starts.as_slice() };
+    let again = to_be_tried_again(objective, leader, &rivals, screened, &offered);
     if let Some(drop_effect) = drop_effect(objective, leader, state).filter(|_| !again.is_empty()) {
         let mut bases = vec![drop_effect];
         let starts = screen(objective, &mut bases, &again);
@@ -47,7 +70,7 @@ pub(super) fn round(objective: &mut Objective, state: &mut DiagnosisState) -> Op
         return judge_rivals(objective, state, rivals);
     }
     let judged = judge_rivals(objective, state, rivals.clone());
-    if judged.is_some() || !leaves_much(objective, &rivals) {
+    if judged.is_some() || !leaves_much(objective, &rivals) || !allowed(objective) {
         return judged;
     }
     let others = not_fitted(&rivals, &offered);
@@ -98,7 +121,12 @@ fn not_fitted(rivals: &[Rival], offered: &[usize]) -> Vec<usize> {
 
 /// Whether even the leader leaves more than noise.
 fn leaves_much(objective: &Objective, rivals: &[Rival]) -> bool {
-    rivals.first().is_some_and(|leader| chi(leader.fit.squares(), objective.samples(LogSet::Learn)) > NOISE)
+    leaves_more_than(NOISE, objective, rivals)
+}
+
+/// Whether even the leader leaves more than an error in noise floors.
+fn leaves_more_than(floors: f64, objective: &Objective, rivals: &[Rival]) -> bool {
+    rivals.first().is_some_and(|leader| chi(leader.fit.squares(), objective.samples(LogSet::Learn)) > floors)
 }
 
 /// The best of the candidates `offered` on whole logs, and the starts that were screened for that.

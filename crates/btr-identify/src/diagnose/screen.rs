@@ -6,15 +6,15 @@
 
 use super::linear::{BasePoint, STRETCH};
 use super::start_point::{ProbeSizes, StartPoint, has_two_sides, with};
-use crate::fit::{FitPoint, LogSet, Objective, corrected, shared};
+use crate::fit::{FitPoint, LogSet, Objective, corrected, shared, squares};
 use crate::residual_model::{EffectCandidate, Parametrisation};
 
 /// Probes of the first pass, and of the second one.
 const COARSE: ProbeSizes =
-    ProbeSizes { amplitudes: &[0.5], limits: &[0.15, 0.3, 0.6], compliances: &[0.02, 0.08, 0.15, 0.3, 0.6] };
+    ProbeSizes { amplitudes: &[0.5], limits: &[0.15, 0.3, 0.6, 1.0, 1.7], compliances: &[0.02, 0.08, 0.15, 0.3, 0.6] };
 const FINE: ProbeSizes = ProbeSizes {
     amplitudes: &[0.3, 1.5],
-    limits: &[0.12, 0.18, 0.27, 0.4, 0.6, 1.0],
+    limits: &[0.12, 0.18, 0.27, 0.4, 0.6, 1.0, 1.5, 2.3],
     compliances: &[0.01, 0.03, 0.07, 0.12, 0.18, 0.27, 0.4, 0.6, 1.0],
 };
 /// Probes for candidates whose best amplitude lies beyond the range of the second pass: after a foot has lost contact,
@@ -119,6 +119,16 @@ fn verify(objective: &Objective, bases: &[FitPoint], predicted: &[StartPoint]) -
     let rest = verified.len().min(PROMISED);
     verified[rest..].sort_by(|a, b| a.cost.total_cmp(&b.cost));
     verified
+}
+
+/// Simulates the cost of starts on the log with the largest error alone.
+pub(super) fn simulate_worst(objective: &Objective, base: &FitPoint, starts: &mut [StartPoint]) {
+    let Some((log, rows)) = objective.worst_logs(&base.residual, 1).pop() else { return };
+    let points: Vec<Vec<f64>> = starts.iter().map(|start| start.u.clone()).collect();
+    for (start, residual) in starts.iter_mut().zip(objective.residuals_of(&points, &[log])) {
+        let cost = |residual| squares(&corrected(residual, &base.step_error[rows.clone()]));
+        start.cost = residual.map_or(f64::INFINITY, cost);
+    }
 }
 
 /// Simulates the cost of starts; infinite where one cannot be simulated.

@@ -9,6 +9,7 @@ use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, NOISE, held_out_squares};
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
+use std::ops::Range;
 
 /// How far parameters are perturbed to restart a search: amplitudes by this share, shapes by this much of their
 /// coordinate...
@@ -158,12 +159,12 @@ impl DiagnosisState {
         race(objective, &bases, &starts, None).into_iter().next()
     }
 
-    /// Replaces an earlier effect by a similar one with fewer parameters that explains as much, now that others are
+    /// Replaces effects by a similar one with fewer parameters that explains as much, now that others are
     /// known, unless the held-out logs contradict it: the earlier one may have needed its extra parameters to
     /// compensate for the others.
-    pub(super) fn simplify(&mut self, objective: &Objective) {
+    pub(super) fn simplify(&mut self, objective: &Objective, which: Range<usize>) {
         let candidates = objective.candidates();
-        for index in 0..self.chosen.len().saturating_sub(1) {
+        for index in which {
             let effect = &candidates[self.chosen[index].candidate];
             let simpler = |similar: &usize| {
                 candidates[*similar].parameters().count() < effect.parameters().count()

@@ -12,7 +12,7 @@ use btr_identify::residual_model::{
     StartNumber, TimeStep,
 };
 use btr_physics::model::{ModelRequest, Scenario};
-use btr_physics::robot::Base;
+use btr_physics::robot::{Actuator, Base, Link};
 use std::borrow::Cow;
 
 /// Share of a log that counts as its beginning.
@@ -52,6 +52,7 @@ impl ResidualModel for IdentificationProblem {
             Derivation::Beginnings => self.beginnings()?,
             Derivation::WithStartsAt(u) => self.with_starts_at(u)?,
             Derivation::WithInitialState(moved) => self.with_initial_states(moved),
+            Derivation::InWindows => self.in_windows()?,
         };
         Some(Box::new(derived))
     }
@@ -109,7 +110,9 @@ impl IdentificationProblem {
     /// Number of uncertain coordinates of a log's initial state.
     fn start_numbers(&self, log: usize) -> usize {
         match (self.model.robot.base, self.parts[log].windows.len()) {
-            (Base::Fixed, _) => 2 * self.nudged(log).count(),
+            (Base::Fixed, 0) => 2 * self.nudged(log).count(),
+            // The windows' numbers count all joints, also those without readings, whose nudges have no size.
+            (Base::Fixed, _) => 2 * self.model.robot.movable().count(),
             (Base::Floating, 0) if self.rests => self.nudged(log).count(),
             // A log too short for a window has no estimated initial state.
             (Base::Floating, 0) => 0,
@@ -120,7 +123,9 @@ impl IdentificationProblem {
     /// Names of the channels in which a coordinate of a log's initial state shows; empty if it shows in all.
     fn start_channels(&self, log: usize, number: usize) -> &[String] {
         match windows::nudged_joint(number, self.model.robot.movable().count()) {
-            Some(joint) if !self.parts[log].windows.is_empty() => &self.limbs[joint],
+            Some(joint) if self.model.robot.base == Base::Floating && !self.parts[log].windows.is_empty() => {
+                &self.limbs[joint]
+            }
             _ => &[],
         }
     }
@@ -133,6 +138,19 @@ impl IdentificationProblem {
         let mut other = self.clone();
         other.shorten(BEGINNING).ok()?;
         Some(other)
+    }
+
+    /// The problem of a fixed robot with its logs cut into windows.
+    fn in_windows(&self) -> Option<Self> {
+        let prescribed = |(_, link): (usize, &Link)| link.joint.actuator == Actuator::Prescribed;
+        let shows_no_more = self.model.robot.movable().any(prescribed) || self.is_chaotic();
+        if self.model.robot.base == Base::Floating || self.model.has_contact() || shows_no_more {
+            return None;
+        }
+        let mut other = self.clone();
+        let origin = vec![0.0; self.parameters.len()];
+        other.cut(&origin).and_then(|()| other.measure()).ok()?;
+        other.is_chaotic().then_some(other)
     }
 
     /// The problem with starts and noise floors from the model at `u`.

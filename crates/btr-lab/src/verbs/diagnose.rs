@@ -10,6 +10,7 @@ use btr_identify::LadderStep;
 use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, MissingEffect, Verdict};
 use btr_identify::fit::{FitPoint, Objective, StopSignal};
 use btr_identify::residual_model::{CandidateKind, ResidualModel, TimeStep};
+use btr_physics::robot::Base;
 use std::path::Path;
 use std::time::Instant;
 
@@ -22,7 +23,25 @@ pub struct Diagnosed {
     step: TimeStep,
 }
 
+/// Usual number of simulated logs per joint and per effect that may be named, and fewest joints that count. More than
+/// that has found nothing in trials, and an arm of four joints is then answered within half a minute.
+const USUAL_ROLLOUTS: usize = 850;
+const FEWEST_JOINTS: usize = 4;
+
 impl VerbInput {
+    /// The options of a diagnosis that names at most so many effects. Without a number of rollouts, the usual one; a
+    /// floating robot, whose contacts take many tries, has none.
+    pub fn options(&self, max_effects: usize, max_rollouts: Option<usize>) -> DiagnoseOptions {
+        let robot = &self.problem.model().robot;
+        let joints = robot.movable().count().max(FEWEST_JOINTS);
+        let usual = if robot.base == Base::Fixed {
+            USUAL_ROLLOUTS.saturating_mul(joints * max_effects.max(1))
+        } else {
+            usize::MAX
+        };
+        DiagnoseOptions { max_effects, max_rollouts: max_rollouts.unwrap_or(usual) }
+    }
+
     /// The text of the diagnosed model for a file in the folder `into`: the effects that were found are in it as free
     /// parameters, and all parameters have their fitted values. The time step is that of the diagnosis.
     ///

@@ -155,6 +155,7 @@ def diagnose(
     logs: Sequence[_Given],
     held_out: Sequence[_Given],
     max_effects: int,
+    max_rollouts: int | None,
     max_time_s: float | None,
     tell: _Tell,
     executor: int | _Executor | None,

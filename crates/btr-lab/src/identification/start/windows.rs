@@ -1,9 +1,9 @@
-//! Multiple shooting: logs of a legged robot, cut into short windows. Contact makes motion chaotic: a whole rollout
-//! leaves its log for good at the first foot that touches down a sample too late. So the state is reset at the
-//! beginning of every window to that of the log. Joints are smoothed by local parabolas. The unmeasured velocity and
-//! height of the base come from a simulation that is corrected towards the measurements (an observer after D. G.
-//! Luenberger, "Observing the state of a linear system", IEEE Transactions on Military Electronics 8, 1964, with
-//! constant gains).
+//! Multiple shooting: logs cut into short windows. Contact makes motion chaotic: a whole rollout leaves its log at the
+//! first foot that touches down a sample too late. A robot on a fixed base may run off as well, where a motor
+//! saturates. So the state is reset at the beginning of every window to that of the log. Joints are smoothed by local
+//! parabolas. The unmeasured velocity and height of the base come from a simulation that is corrected towards the
+//! measurements (an observer after D. G. Luenberger, "Observing the state of a linear system", IEEE Transactions on
+//! Military Electronics 8, 1964, with constant gains).
 
 use btr_core::log::{Log, interpolate};
 use btr_core::signal::smooth::{Motion, smooth};
@@ -15,8 +15,9 @@ use btr_physics::rollout::restart::Restart;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use std::ops::Range;
 
-/// Length of a window in s; all windows of a log are about equally long.
+/// Length of a window in s and fewest samples of one; all windows of a log are about equally long.
 const WINDOW_S: f64 = 0.4;
+const SAMPLES: f64 = 20.0;
 /// Time in which the observer converges at the log's beginning, in s.
 const SETTLE_S: f64 = 0.2;
 /// Time after a window's start that is not compared, in s.
@@ -48,7 +49,8 @@ pub(crate) fn cut(
     log: &Log,
 ) -> Result<Windows, WorldError> {
     let clock = log.clock_s();
-    let count = ((log.duration_s() - SETTLE_S) / WINDOW_S).round().max(0.0) as usize;
+    let tick_s = log.duration_s() / (clock.len() - 1).max(1) as f64;
+    let count = ((log.duration_s() - SETTLE_S) / WINDOW_S.max(SAMPLES * tick_s)).round().max(0.0) as usize;
     let length_s = (log.duration_s() - SETTLE_S) / count.max(1) as f64;
     let starts_s: Vec<f64> = (0..count).map(|k| SETTLE_S + length_s * k as f64).collect();
     let restarts = observe(model, s, effects, situation, log, &starts_s)?;

@@ -1,4 +1,5 @@
-//! Screens effects on the beginnings of logs alone; those that explain the beginnings are refitted to whole logs.
+//! Screens effects on short parts of logs, where an error has not grown yet; those that explain the parts are refitted
+//! to whole logs.
 
 use super::refit::{FOLLOWER, Rival, race};
 use super::screen::screen;
@@ -9,14 +10,15 @@ use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use crate::residual_model::Derivation;
 
-/// The best of the candidates `offered` on the beginnings of logs, refitted to whole logs, and the starts that were
-/// screened for that. Empty where beginnings show no more than whole logs.
-pub(super) fn from_beginnings(
+/// The best of the candidates `offered` on short parts of logs, refitted to whole logs, and the starts that were
+/// screened for that. Empty where such parts are not available.
+pub(super) fn from_short_parts(
     objective: &mut Objective,
     state: &DiagnosisState,
+    parts: &Derivation,
     offered: &[usize],
 ) -> (Vec<Rival>, Vec<StartPoint>) {
-    let Some(model) = objective.model.derive(&Derivation::Beginnings) else { return Default::default() };
+    let Some(model) = objective.model.derive(parts) else { return Default::default() };
     // With the effects found so far; without any, with the free parameters at their given values: the ends of logs may
     // have biased their fit.
     let origin = || vec![0.0; state.fit.u.len()];
