@@ -145,9 +145,22 @@ fn effects() {
         "on = \"torque\"\nlaw = \"-dq*q\"\ndq = 0.1",
         "on = \"torque\"\nlaw = \"-a*q\"\na = nan",
         "on = \"torque\"\nlaw = \"-a*q\"\na = 0.1\nsite = \"hing\"",
+        "on = \"torque\"\nlaw = \"-a*q_parent\"\na = 0.1",
+        "on = \"reading\"\nlaw = \"q + a*q_child\"\na = 0.1",
+        "on = \"torque\"\nlaw = \"-q_child*q\"\nq_child = 0.1",
     ];
     let formulas: Vec<String> = formulas.iter().map(|law| placed(&format!("effect = \"formula\"\n{law}"))).collect();
     insta::assert_snapshot!("formulas", all("[drive]", &formulas.iter().map(String::as_str).collect::<Vec<_>>()));
+    let coupled = "[[effects]]\neffect = \"formula\"\non = \"command\"\nlaw = \"cmd + 0.1*q_parent\"\n\n[drive]";
+    let ant = [
+        ("builtin = \"pendulum\"\nlength_m = 0.5", "builtin = \"ant\""),
+        ("[actuators.hinge]", "[actuators.\"*\"]"),
+        (MASS, ""),
+        ("\"viscous_friction.coefficient@hinge\" = { bounds = [0.0, 0.5] }", ""),
+        (REALITY, "kind = \"twin\""),
+        ("[drive]", coupled),
+    ];
+    insta::assert_snapshot!("formula_of_a_neighbour", Lab::with(&ant).complaint("simulate small.toml -o walk.csv"));
     insta::assert_snapshot!("formula_in_doubt", with(MASS, "\"formula.a@hinge\" = { bounds = [0.0, 1.0] }"));
     let hidden = "kind = \"twin\"\neffects = [{ effect = \"payloud\" }]";
     insta::assert_snapshot!("hidden_effect", with("kind = \"twin\"", hidden));

@@ -1,8 +1,10 @@
 //! Inputs of a motor and the effects on it at the beginning of a step.
 
+use super::neighbour::NeighbourInputs;
+
 /// A joint's state and command at the beginning of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct JointInput {
+pub struct JointInput<'a> {
     /// Simulated time in s.
     pub time_s: f64,
     /// Length of the step in s.
@@ -24,9 +26,11 @@ pub struct JointInput {
     pub load: f64,
     /// The command that reaches the motor; NaN when it is switched off.
     pub command: f64,
+    /// The neighbouring joints; `None` unless an effect of the run uses them. NaN where there is no neighbour.
+    pub neighbours: Option<&'a NeighbourInputs>,
 }
 
-impl JointInput {
+impl JointInput<'_> {
     /// Extrapolated velocity in the middle of the step: speed-dependent forces are second-order accurate there.
     pub fn dq_midpoint(&self) -> f64 {
         self.dq + 0.5 * self.dt_s * self.acceleration

@@ -1,9 +1,9 @@
 //! The effect trait with its hooks, the effect's specification and parameters, and an effect placed at a site.
 
-use crate::actuation::{JointInput, MotorTorque};
+use crate::actuation::{JointInput, MotorTorque, NeighbourQuantity};
 use crate::engine::{Affine, Dof};
-use crate::robot::Robot;
 use crate::robot::site::matches;
+use crate::robot::{Robot, Side};
 use crate::setup::{Setup, setup_error};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
@@ -112,6 +112,10 @@ pub trait Effect: Sync {
     fn is_common(&self) -> bool {
         false
     }
+    /// The quantities of neighbouring joints that it uses.
+    fn neighbours(&self) -> &[NeighbourQuantity] {
+        &[]
+    }
     /// Changes a link before the world is built.
     fn link(&self, _p: &[f64], _robot: &mut Robot, _link: usize) {}
     /// Changes gravity or the floor before the world is built.
@@ -175,6 +179,23 @@ pub(super) fn follow(memory: &mut [f64], command: f64, change: impl Fn(f64) -> f
     *value = before + change(command - before);
     *started = 1.0;
     (before, *value)
+}
+
+/// A neighbour that a joint does not have although an effect on it uses it.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{joint}` has no movable joint {}, which `{}` refers to", direction(.quantity.side()), .quantity.name())]
+pub struct MissingNeighbour {
+    /// What the effect uses.
+    pub quantity: NeighbourQuantity,
+    /// The joint.
+    pub joint: String,
+}
+
+fn direction(side: Side) -> &'static str {
+    match side {
+        Side::Parent => "towards the base",
+        Side::Child => "further out",
+    }
 }
 
 /// An effect at a site, with values for its parameters.
@@ -243,6 +264,24 @@ impl PlacedEffect {
             SiteKind::Link => self.links(robot).map(|_| ()),
             SiteKind::Base | SiteKind::Ground => Ok(()),
         }
+    }
+
+    /// Checks that its joints have the neighbours that it uses.
+    ///
+    /// # Errors
+    /// The first joint that lacks one.
+    pub fn check_neighbours(&self, robot: &Robot) -> Result<(), MissingNeighbour> {
+        let used = self.effect.neighbours();
+        if used.is_empty() {
+            return Ok(());
+        }
+        for ((_, link), neighbours) in robot.movable().zip(robot.neighbours()) {
+            let missing = used.iter().find(|quantity| neighbours.on(quantity.side()).is_none());
+            if let Some(&quantity) = missing.filter(|_| matches(&self.site, &link.joint.name)) {
+                return Err(MissingNeighbour { quantity, joint: link.joint.name.clone() });
+            }
+        }
+        Ok(())
     }
 
     /// The joints at its site, as indices among the movable joints; none for effects on other kinds of sites.

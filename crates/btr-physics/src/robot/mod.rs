@@ -4,9 +4,12 @@
 //! units, z up unless the robot's file says otherwise.
 
 pub mod kinematics;
+mod neighbours;
 pub mod site;
 pub(crate) mod stretch;
 pub mod urdf;
+
+pub use neighbours::{Neighbours, Side};
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 

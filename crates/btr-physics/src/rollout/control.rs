@@ -1,6 +1,7 @@
 //! The control path of a rollout: from the drive's references through commands, their effects, motors and their effects
 //! to the joint-level forces.
 
+use super::neighbours::NeighbourTracker;
 use crate::actuation::{JointInput, Motor, MotorTorque, TorqueBound};
 use crate::drive::Drive;
 use crate::effects::{Effect, PlacedEffect, SiteKind};
@@ -25,6 +26,7 @@ pub(crate) struct Control<'a> {
     prescribed_torques: Vec<f64>,
     /// Positions and velocities of the joints at the beginning of the step.
     states: Vec<(f64, f64)>,
+    neighbours: NeighbourTracker,
 }
 
 /// The drive's references at the previous and the next tick.
@@ -94,7 +96,8 @@ impl<'a> Control<'a> {
         let prescribed_torques = if prescribed { vec![f64::NAN; joints.len()] } else { Vec::new() };
         let (dt_s, begins_s) = (setup.dt_s, setup.begins_s);
         let states = Vec::with_capacity(joints.len());
-        Ok(Control { reference, joints, dt_s, begins_s, coupled, load: 0.0, prescribed_torques, states })
+        let neighbours = NeighbourTracker::new(robot, effects)?;
+        Ok(Control { reference, joints, dt_s, begins_s, coupled, load: 0.0, prescribed_torques, states, neighbours })
     }
 
     /// Updates the commands to the references at the present time `time_s`.
@@ -115,6 +118,8 @@ impl<'a> Control<'a> {
             let states = self.joints.iter().zip(&self.states);
             self.load = states.map(|(joint, &(q, dq))| joint.torque(q, dq).abs()).sum();
         }
+        // Before any joint acts, so that their order does not matter.
+        self.neighbours.update(&self.states, |joint, (q, dq)| self.joints[joint].torque(q, dq));
         let (midpoint, supports_prescribed, enforces_bounds) =
             (engine.midpoint(), engine.supports_prescribed(), engine.enforces_bounds());
         let (in_the_middle, at_the_end) =
@@ -150,6 +155,7 @@ impl<'a> Control<'a> {
                 torque,
                 load,
                 command,
+                neighbours: self.neighbours.of(i),
             };
             let dof = match prescribed.filter(|_| supports_prescribed) {
                 Some(prescribed) => joint.follow_prescribed(prescribed, &state),

@@ -10,6 +10,7 @@
 
 mod batch;
 mod control;
+mod neighbours;
 mod prepare;
 mod prepared;
 mod record;

@@ -17,6 +17,7 @@ mod friction;
 mod joint;
 mod linkage;
 mod motor;
+mod neighbours;
 mod parameter;
 mod placement;
 mod prescribed;

@@ -142,9 +142,11 @@ class Model:
 
         `law` is an expression, which the command line also supports (`btr effects formula` lists its syntax), or a
         function `law(q, dq, ddq, cmd, tau, t, **parameters)` of position, velocity, acceleration (of the last step),
-        command, motor torque (of the last step) and time, all in SI units. Parameters are numbers, or bounds
-        `(least, most)` of a fit that starts at their middle (the geometric mean if both are positive). In the fit they
-        are named `formula.a@elbow`.
+        command, motor torque (of the last step) and time, all in SI units. An expression on a torque or a command may
+        also contain `q_parent`, `dq_parent`, `tau_parent` of the nearest movable joint towards the base and `q_child`,
+        `dq_child`, `tau_child` of the first one further out, as at the beginning of a step; a function does not get
+        them. Parameters are numbers, or bounds `(least, most)` of a fit that starts at their middle (the geometric mean
+        if both are positive). In the fit they are named `formula.a@elbow`.
 
         A function is much slower: `-a*dq` takes 0.5 µs per call, with three calls per step and joint for a torque, all
         on one core unless the `executor=` of a verb distributes the work over several processes. 4 s of a desk arm in

@@ -5,7 +5,7 @@ use crate::experiment::file::EffectSection;
 use crate::experiment::source::FileError;
 use btr_core::text::{Mention, Text};
 use btr_physics::effects;
-use btr_physics::effects::{Effect, FormulaError, PlacedEffect, SiteKind};
+use btr_physics::effects::{Effect, FormulaError, MissingNeighbour, PlacedEffect, SiteKind};
 use btr_physics::robot::Robot;
 
 impl Builder<'_> {
@@ -60,6 +60,9 @@ impl Builder<'_> {
                 _ => "law",
             };
             let help = match &e {
+                FormulaError::NotInReading(_) => {
+                    "the law can act on the joint's command or torque: on = \"command\" or on = \"torque\"".into()
+                }
                 FormulaError::Absent(_) => {
                     "a function lives in the program that made the model: give it along with the file \
                      (in Python load_model(..., laws={...})), or write the law as an expression"
@@ -96,8 +99,23 @@ impl Builder<'_> {
             let help = Text::from(Mention::Effect(section.effect.clone())) + " lists the valid values";
             self.error(keys, e, Some(help))
         })?;
+        placed.check_neighbours(robot).map_err(|missing| {
+            let help = neighbour_help(&missing, robot);
+            self.error(&[keys, &["law"]].concat(), missing, Some(help.into()))
+        })?;
         Ok(placed)
     }
+}
+
+/// The joints that have the neighbour that another one lacks, as places for its law.
+fn neighbour_help(missing: &MissingNeighbour, robot: &Robot) -> String {
+    let (name, side) = (missing.quantity.name(), missing.quantity.side());
+    let joints = robot.movable().zip(robot.neighbours()).filter(|(_, neighbours)| neighbours.on(side).is_some());
+    let joints: Vec<&str> = joints.map(|((_, link), _)| link.joint.name.as_str()).collect();
+    if joints.is_empty() {
+        return format!("write the law without `{name}`: no joint of this robot has such a neighbour");
+    }
+    format!("place it at joints that have one (site = \"{}\") or write it without `{name}`", joints.join(","))
 }
 
 /// The name of a kind of site, and the sites of that kind on a robot.

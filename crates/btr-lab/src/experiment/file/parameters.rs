@@ -52,8 +52,9 @@ pub struct EffectSection {
     /// Formula: the quantity that the law gives.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub on: Option<FormulaTarget>,
-    /// Formula: an expression in `q`, `dq`, `ddq`, `cmd`, `tau`, `t` and its parameters, or the name of a function
-    /// that the calling program provides (`python:slip`).
+    /// Formula: an expression in `q`, `dq`, `ddq`, `cmd`, `tau`, `t`, its parameters and, on a torque or a command,
+    /// `q_parent`, `dq_parent`, `tau_parent`, `q_child`, `dq_child`, `tau_child` of the joints before and after it in
+    /// the chain; or the name of a function that the calling program provides (`python:slip`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub law: Option<String>,
     /// Its parameters by name; all others have their off value.

@@ -21,6 +21,9 @@ pub enum FormulaError {
     /// A parameter whose name is reserved.
     #[error("`{0}` is a reserved name in laws")]
     Taken(String),
+    /// A neighbouring joint's quantity in a law on a reading.
+    #[error("a law on a reading cannot contain `{0}`: an encoder reads its own joint only")]
+    NotInReading(String),
     /// A function that was not supplied with the model.
     #[error("the law `{0}` is a function, but no function of that name was given")]
     Absent(String),

@@ -3,6 +3,7 @@
 use super::error::FormulaError;
 use super::expression;
 use super::expression::Expression;
+use crate::actuation::NeighbourQuantity;
 use crate::effects::effect::Param;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -10,6 +11,21 @@ use std::sync::Arc;
 
 /// Variables of every law, in the order of [`LawInputs`].
 pub(super) const VARIABLES: [&str; 6] = ["q", "dq", "ddq", "cmd", "tau", "t"];
+
+/// Inputs of an expression: the joint's own, and those of its neighbours in the order of [`NeighbourQuantity::ALL`],
+/// which are empty in a run without them.
+#[derive(Clone, Copy)]
+pub(super) struct ExpressionInputs<'a> {
+    pub(super) own: LawInputs,
+    pub(super) neighbours: &'a [f64],
+}
+
+impl ExpressionInputs<'_> {
+    /// Value of a neighbour's quantity.
+    pub(super) fn neighbour(&self, quantity: NeighbourQuantity) -> f64 {
+        self.neighbours.get(quantity as usize).copied().unwrap_or(f64::NAN)
+    }
+}
 
 /// Values of `q`, `dq`, `ddq`, `cmd`, `tau` and `t`, in SI units.
 pub type LawInputs = [f64; VARIABLES.len()];
@@ -55,36 +71,61 @@ pub(super) enum Law {
 }
 
 impl Law {
-    pub(super) fn new(text: &str, params: &[&str], laws: &Laws) -> Result<Self, FormulaError> {
+    /// A law with parameters of these names; `reading` if it is on a reading, which has no neighbours.
+    pub(super) fn new(text: &str, params: &[&str], laws: &Laws, reading: bool) -> Result<Self, FormulaError> {
         let is_function = laws.0.contains_key(text);
-        let is_taken = |name: &&&str| VARIABLES.contains(*name) || !is_function && expression::is_known(name);
+        let is_name = |name: &str| expression::is_known(name) || neighbour(name).is_some();
+        let is_taken = |name: &&&str| VARIABLES.contains(*name) || !is_function && is_name(name);
         if let Some(&taken) = params.iter().find(is_taken) {
             return Err(FormulaError::Taken(taken.to_owned()));
         }
         match laws.0.get(text) {
             Some(function) => Ok(Law::Function(function.clone())),
             None if text.contains(OF_A_FUNCTION) => Err(FormulaError::Absent(text.to_owned())),
-            None => expression(text, params).map(Law::Expression),
+            None => expression(text, params, reading).map(Law::Expression),
+        }
+    }
+
+    /// The neighbours' quantities that occur in it, where it has this number of parameters.
+    pub(super) fn neighbours(&self, params: usize) -> Vec<NeighbourQuantity> {
+        let first = VARIABLES.len() + params;
+        match self {
+            Law::Expression(expression) => {
+                NeighbourQuantity::ALL.into_iter().filter(|&of| expression.has(first + of as usize)).collect()
+            }
+            Law::Function(_) => Vec::new(),
         }
     }
 
     /// Value of the law; NaN where it has none.
-    pub(super) fn at(&self, params: &[Param], p: &[f64], inputs: &LawInputs) -> f64 {
+    pub(super) fn at(&self, params: &[Param], p: &[f64], inputs: &ExpressionInputs) -> f64 {
+        let ExpressionInputs { own, neighbours } = inputs;
         match self {
             Law::Expression(expression) => {
-                expression.at(|name| inputs.get(name).copied().unwrap_or_else(|| p[name - inputs.len()]))
+                let after = |name: usize| p.get(name).or_else(|| neighbours.get(name - p.len()));
+                let value = |name: usize| own.get(name).or_else(|| after(name - own.len()));
+                expression.at(|name| value(name).copied().unwrap_or(f64::NAN))
             }
             // A simulation that diverges is not the function's fault.
-            Law::Function(_) if inputs.iter().any(|x| !x.is_finite()) => f64::NAN,
-            Law::Function(function) => function(inputs, params, p),
+            Law::Function(_) if own.iter().any(|x| !x.is_finite()) => f64::NAN,
+            Law::Function(function) => function(own, params, p),
         }
     }
 }
 
-/// Compiles an expression in the variables and these parameters, each of which must occur.
-fn expression(text: &str, params: &[&str]) -> Result<Expression, FormulaError> {
-    let names: Vec<&str> = VARIABLES.iter().chain(params).copied().collect();
-    let expression = Expression::new(text, &names)?;
+/// The neighbours' quantity of that name.
+fn neighbour(name: &str) -> Option<NeighbourQuantity> {
+    NeighbourQuantity::ALL.into_iter().find(|quantity| quantity.name() == name)
+}
+
+/// Compiles an expression in the variables, these parameters, each of which must occur, and the neighbours' quantities.
+fn expression(text: &str, params: &[&str], reading: bool) -> Result<Expression, FormulaError> {
+    let neighbours = NeighbourQuantity::ALL.map(NeighbourQuantity::name);
+    let names = [&VARIABLES[..], params, if reading { &[] } else { &neighbours }].concat();
+    let expression = Expression::new(text, &names).map_err(|error| match error {
+        FormulaError::Unknown { name, .. } if neighbour(&name).is_some() => FormulaError::NotInReading(name),
+        error => error,
+    })?;
     match params.iter().zip(VARIABLES.len()..).find(|(_, index)| !expression.has(*index)) {
         Some((&unused, _)) => Err(FormulaError::Unused(unused.to_owned())),
         None => Ok(expression),

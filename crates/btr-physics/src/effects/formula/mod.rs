@@ -11,12 +11,12 @@ mod expression;
 pub(super) mod law;
 
 use super::effect::{Effect, EffectSpec, Param, SiteKind};
-use crate::actuation::JointInput;
+use crate::actuation::{JointInput, NeighbourQuantity};
 use crate::engine::{Affine, Dof};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use error::FormulaError;
-use law::{Law, LawInputs, Laws, VARIABLES};
+use law::{ExpressionInputs, Law, Laws, VARIABLES};
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
@@ -27,8 +27,9 @@ pub static FORMULA: EffectSpec = EffectSpec {
     site: SiteKind::Joint,
     cite: "the model file",
     symptom: "as its law says, beside the motor's torque, or in place of a command or a reading (cmd + ..., q + \
-              ...); it knows q, dq, ddq (of the last step), cmd, tau (of the motor, last step), t, its \
-              parameters, numbers (0.1, 1e-3, pi), + - * / ^ (or **) ( ), abs sign min max sqrt exp ln (or log) \
+              ...); it knows q, dq, ddq (of the last step), cmd, tau (of the motor, last step), t; on a torque or a \
+              command also q_parent, dq_parent, tau_parent (of the nearest movable joint towards the base) and \
+              q_child, dq_child, tau_child (of the first one further out); its parameters, numbers (0.1, 1e-3, pi), + - * / ^ (or **) ( ), abs sign min max sqrt exp ln (or log) \
               log10 sin cos tan asin acos atan atan2 sinh cosh tanh floor ceil round trunc",
     params: &[],
     starts: &[],
@@ -55,6 +56,8 @@ struct Formula {
     spec: &'static EffectSpec,
     on: FormulaTarget,
     law: Law,
+    /// The neighbours' quantities that occur in the law.
+    neighbours: Vec<NeighbourQuantity>,
 }
 
 /// Identity of a law: its target, its text, the names of its parameters and, for functions, which one.
@@ -87,11 +90,12 @@ pub fn formula_or_function(
     if let Some(&known) = compiled.get(&key) {
         return Ok(known);
     }
-    let law = Law::new(text, params, laws)?;
+    let law = Law::new(text, params, laws, on == FormulaTarget::Reading)?;
+    let neighbours = law.neighbours(params.len());
     let param = |name: &&str| Param::replacement(leaked(name), "SI", (f64::NEG_INFINITY, f64::INFINITY), 0.0);
     let params: Vec<Param> = params.iter().map(param).collect();
     let spec = Box::leak(Box::new(EffectSpec { law: leaked(text), params: Vec::leak(params), ..FORMULA }));
-    let formula: &'static Formula = Box::leak(Box::new(Formula { spec, on, law }));
+    let formula: &'static Formula = Box::leak(Box::new(Formula { spec, on, law, neighbours }));
     compiled.insert(key, formula);
     Ok(formula)
 }
@@ -101,7 +105,8 @@ fn leaked(text: &str) -> &'static str {
 }
 
 /// Layout of a law's memory: whether the run has begun, the velocity of the last step, the difference between reading
-/// and joint, and the first value that was not finite: whether there is one, the value, and the inputs it came from.
+/// and joint, and the first value that was not finite: whether there is one, the value, and the inputs it came from,
+/// those of the neighbours that occur in the law last.
 const STARTED: usize = 0;
 const LAST_DQ: usize = 1;
 const OFFSET: usize = 2;
@@ -111,32 +116,35 @@ const FAILED_INPUTS: usize = 5;
 const MEMORY: usize = FAILED_INPUTS + VARIABLES.len();
 
 impl Formula {
-    fn at(&self, p: &[f64], inputs: &LawInputs) -> f64 {
+    fn at(&self, p: &[f64], inputs: &ExpressionInputs) -> f64 {
         self.law.at(self.spec.params, p, inputs)
     }
 
     /// Value of the law; a value that is not finite is recorded.
-    fn evaluate(&self, p: &[f64], memory: &mut [f64], inputs: &LawInputs) -> f64 {
+    fn evaluate(&self, p: &[f64], memory: &mut [f64], inputs: &ExpressionInputs) -> f64 {
         let value = self.at(p, inputs);
         if !value.is_finite() {
-            record_failure(memory, value, inputs);
+            self.record_failure(memory, value, inputs);
         }
         value
     }
-}
 
-/// Records the first failure of a law. A simulation that diverges by itself is not the law's fault.
-#[cold]
-fn record_failure(memory: &mut [f64], value: f64, inputs: &LawInputs) {
-    if memory.len() == MEMORY && memory[FAILED] == 0.0 && inputs.iter().all(|x| x.is_finite()) {
-        memory[FAILED] = 1.0;
-        memory[FAILED_VALUE] = value;
-        memory[FAILED_INPUTS..].copy_from_slice(inputs);
+    /// Records the first failure of the law. A simulation that diverges by itself is not the law's fault.
+    #[cold]
+    fn record_failure(&self, memory: &mut [f64], value: f64, inputs: &ExpressionInputs) {
+        let neighbours = self.neighbours.iter().map(|&quantity| inputs.neighbour(quantity));
+        let mut seen = inputs.own.iter().copied().chain(neighbours);
+        let fits = memory.len() == MEMORY + self.neighbours.len();
+        if fits && memory[FAILED] == 0.0 && seen.clone().all(f64::is_finite) {
+            memory[FAILED] = 1.0;
+            memory[FAILED_VALUE] = value;
+            memory[FAILED_INPUTS..].fill_with(|| seen.next().unwrap_or(f64::NAN));
+        }
     }
 }
 
 /// Inputs of the law at a joint. The command of a motor that is switched off is the joint's position.
-fn law_inputs(memory: &mut [f64], state: &JointInput) -> LawInputs {
+fn law_inputs<'a>(memory: &mut [f64], state: &JointInput<'a>) -> ExpressionInputs<'a> {
     let command = if state.command.is_nan() { state.q } else { state.command };
     let mut ddq = 0.0;
     if let Ok([started, last_dq]) = memory.get_disjoint_mut([STARTED, LAST_DQ]) {
@@ -145,7 +153,8 @@ fn law_inputs(memory: &mut [f64], state: &JointInput) -> LawInputs {
         }
         (*started, *last_dq) = (1.0, state.dq);
     }
-    [state.q, state.dq, ddq, command, state.torque, state.time_s]
+    let own = [state.q, state.dq, ddq, command, state.torque, state.time_s];
+    ExpressionInputs { own, neighbours: state.neighbours.map_or(&[], |inputs| &inputs[..]) }
 }
 
 impl Effect for Formula {
@@ -153,8 +162,12 @@ impl Effect for Formula {
         self.spec
     }
 
+    fn neighbours(&self) -> &[NeighbourQuantity] {
+        &self.neighbours
+    }
+
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
-        MEMORY
+        MEMORY + self.neighbours.len()
     }
 
     /// Torque at the start of the step, with its slope over the velocity as damping in the step, so that friction that
@@ -167,7 +180,7 @@ impl Effect for Formula {
         let dq = state.dq;
         let at = |dq: f64| {
             let mut varied = inputs;
-            varied[1] = dq;
+            varied.own[1] = dq;
             self.at(p, &varied)
         };
         let nearby = 1e-4 * (1.0 + dq.abs());
@@ -177,8 +190,8 @@ impl Effect for Formula {
             let at_fault = [dq, dq - nearby, dq + nearby].into_iter().find(|&dq| !at(dq).is_finite());
             let dq = at_fault.unwrap_or(dq);
             let mut varied = inputs;
-            varied[1] = dq;
-            record_failure(memory, at(dq), &varied);
+            varied.own[1] = dq;
+            self.record_failure(memory, at(dq), &varied);
         }
         dof.torque.add(&Affine { constant, stiffness: 0.0, damping });
     }
@@ -222,7 +235,8 @@ impl Effect for Formula {
             FormulaTarget::Command => "command",
             FormulaTarget::Reading => "reading",
         };
-        let of = VARIABLES.into_iter().zip(&memory[FAILED_INPUTS..]).map(|(name, value)| format!("{name}={value}"));
+        let names = VARIABLES.into_iter().chain(self.neighbours.iter().map(|quantity| quantity.name()));
+        let of = names.zip(&memory[FAILED_INPUTS..]).map(|(name, value)| format!("{name}={value}"));
         let with = self.spec.params.iter().zip(p).map(|(param, value)| format!("{}={value}", param.name));
         let (of, with) = (of.collect::<Vec<_>>().join(", "), with.collect::<Vec<_>>().join(", "));
         let with = if with.is_empty() { with } else { format!(" with {with}") };
@@ -254,6 +268,7 @@ impl Effect for Formula {
                 torque,
                 load: 0.0,
                 command,
+                neighbours: None,
             };
             *reading = self.at(p, &law_inputs(&mut memory, &state));
         }
