@@ -6,19 +6,30 @@ use btr_identify::diagnose::{Diagnosis, RivalPoint, Verdict};
 use btr_lab::identification::IdentificationProblem;
 use btr_lab::verbs::{NextExperiment, next_experiment};
 use btr_physics::effects::{EFFECTS, FormulaTarget, PlacedEffect, formula};
+use btr_physics::model::Model;
+use btr_physics::robot::Actuator;
 use btr_tests::planted::{Planted, Waves, arm, diagnosis, problem as planted_problem};
 
 /// The arm with logs of what it does with `hidden` in it.
 fn problem(hidden: &[PlacedEffect], without: &[&str]) -> IdentificationProblem {
+    problem_of(arm(str::to_owned), hidden, without)
+}
+
+/// A model with logs of what it does with `hidden` in it.
+fn problem_of(model: Model, hidden: &[PlacedEffect], without: &[&str]) -> IdentificationProblem {
     let planted = Planted { effects: hidden.to_vec(), ..Planted::default() };
-    planted_problem(arm(str::to_owned), Waves { seconds: 3, amplitude_rad: 0.45 }, &planted, without)
+    planted_problem(model, Waves { seconds: 3, amplitude_rad: 0.45 }, &planted, without)
 }
 
 /// A diagnosis that knows no effects, so that there is only the law.
 fn asked(hidden: &[PlacedEffect]) -> (IdentificationProblem, Diagnosis) {
+    asked_of(arm(str::to_owned), hidden)
+}
+
+fn asked_of(model: Model, hidden: &[PlacedEffect]) -> (IdentificationProblem, Diagnosis) {
     let values = ["mass", "inertia", "length", "origin", "tilt", "kp", "ki", "kd", "max_torque"];
     let names: Vec<&str> = EFFECTS.iter().map(|effect| effect.spec().name).chain(values).collect();
-    let problem = problem(hidden, &names);
+    let problem = problem_of(model, hidden, &names);
     let diagnosis = diagnosis(&problem);
     (problem, diagnosis)
 }
@@ -48,6 +59,44 @@ fn a_law_that_is_no_effect_is_told_with_its_joint() {
         assert!(site == joint && named && found.explains > 0.8, "{law}: {text} {}", found.explains);
         assert!(diagnosis.rollouts < 1500, "{}", diagnosis.rollouts);
     }
+}
+
+/// The arm with an integral part in each servo, so that a law on a command is not one on a torque.
+fn integrating_arm() -> Model {
+    let mut model = arm(str::to_owned);
+    for link in &mut model.robot.links {
+        if let Actuator::Position { ki, .. } = &mut link.joint.actuator {
+            *ki = 60.0;
+        }
+    }
+    model
+}
+
+#[test]
+fn a_coupling_of_neighbouring_joints_is_told_with_its_coefficient() {
+    let cases = [
+        (arm(str::to_owned), "shoulder", FormulaTarget::Torque, "-2*q_child"),
+        (arm(str::to_owned), "elbow", FormulaTarget::Torque, "-0.15*dq_parent"),
+        (integrating_arm(), "elbow", FormulaTarget::Command, "cmd + 0.2*q_parent"),
+    ];
+    for (model, joint, on, law) in cases {
+        let effect = formula(on, law, &[]).unwrap();
+        let hidden = PlacedEffect { effect, site: joint.to_owned(), values: Vec::new() };
+        let (problem, diagnosis) = asked_of(model, &[hidden]);
+        let found = diagnosis.residual_law.unwrap();
+        let (site, target, text) = problem.law(&found).unwrap();
+        assert!((&*site, target) == (joint, on) && found.explains > 0.9, "{law}: {text} {}", found.explains);
+        let ([planted, variable], [fitted, named]) = (parts(law), parts(&text));
+        let ratio = fitted.parse::<f64>().unwrap() / planted.parse::<f64>().unwrap();
+        assert!(variable == named && (ratio - 1.0).abs() < 0.05, "{law}: {text}");
+    }
+}
+
+/// Coefficient and variable of a law of one term.
+fn parts(law: &str) -> [String; 2] {
+    let term = law.strip_prefix("cmd").unwrap_or(law).replace(' ', "");
+    let (coefficient, variable) = term.split_once('*').unwrap();
+    [coefficient.to_owned(), variable.to_owned()]
 }
 
 #[test]

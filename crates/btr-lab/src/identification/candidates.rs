@@ -9,7 +9,7 @@ use super::problem::{Change, IdentificationProblem};
 use btr_core::world::WorldError;
 use btr_identify::residual_model::{CandidateKind, EffectCandidate, LawTerm};
 use btr_physics::effects::{EFFECTS, Effect};
-use btr_physics::robot::Actuator;
+use btr_physics::robot::{Actuator, Base};
 
 impl IdentificationProblem {
     /// Adds every effect at every site and every stated value to the candidates, except those named in `without`.
@@ -125,14 +125,22 @@ impl IdentificationProblem {
     /// Adds the terms of laws for every driven joint.
     pub(super) fn offer_terms(&mut self) -> Result<(), WorldError> {
         let model = self.model.clone();
-        for (_, link) in model.robot.movable() {
+        for ((_, link), neighbours) in model.robot.movable().zip(model.robot.neighbours()) {
             let joint = &link.joint;
             let servo = match &joint.actuator {
                 Actuator::Position { .. } => true,
                 Actuator::Voltage { servo, .. } => servo.is_some(),
                 Actuator::Passive | Actuator::Torque { .. } | Actuator::Prescribed => false,
             };
-            let context = TermContext { q: self.range(&joint.name), duration_s: self.longest_s(), servo };
+            // Only arms: their transmissions run past joints, and each term costs two rollouts.
+            let coupled = servo && model.robot.base == Base::Fixed;
+            let context = TermContext {
+                q: self.range(&joint.name),
+                duration_s: self.longest_s(),
+                servo,
+                parent: coupled && neighbours.parent.is_some(),
+                child: coupled && neighbours.child.is_some(),
+            };
             let first = self.features.len();
             for term in law_terms::terms(&joint.name, &self.scales, &context) {
                 self.offer_term(term, &joint.name, &context, first)?;

@@ -5,7 +5,7 @@
 //! Krishnaprasad, "Orthogonal matching pursuit", 1993), with the response of the base's parameters projected out. The
 //! best places are then fitted in full and judged on held-out logs.
 //!
-//! A search costs two rollouts per probe, and two fits: with about 70 probes a joint, some 650 rollouts for an arm of
+//! A search costs two rollouts per probe, and two fits: with about 70 probes a joint, some 680 rollouts for an arm of
 //! three joints and four logs. There are at most two searches.
 
 mod draft;

@@ -54,6 +54,9 @@ pub(crate) struct TermContext {
     pub duration_s: f64,
     /// Whether the joint has a servo, so that commands and readings can be wrong.
     pub servo: bool,
+    /// Whether laws may refer to a joint before it in the chain, and to one after it.
+    pub parent: bool,
+    pub child: bool,
 }
 
 impl TermDefinition {
@@ -235,6 +238,8 @@ fn torques(sign: &str, context: &TermContext) -> Vec<TermDefinition> {
         TermDefinition::hinge("max(0,-q-s)^2", below, "N·m/rad", 1.0),
     ];
     all.extend(swings(&all, 4));
+    let neighbour = [("q", "N·m/rad", 0.3), ("dq", "N·m·s/rad", 0.05), ("tau", "1", 0.1)];
+    all.extend(of_neighbours(FormulaTarget::Torque, &neighbour, context));
     all
 }
 
@@ -250,7 +255,22 @@ fn commands(context: &TermContext) -> Vec<TermDefinition> {
         command("t*cmd", "1", 0.03 * per_s),
     ];
     all.extend(swings(&all, 2));
+    // A belt that runs past the joint takes its servo along with the neighbour.
+    all.extend(of_neighbours(FormulaTarget::Command, &[("q", "1", 0.03)], context));
     all
+}
+
+/// Terms in quantities of the neighbouring joints, each with the unit and size of its amplitude.
+fn of_neighbours(
+    on: FormulaTarget,
+    quantities: &[(&str, &'static str, f64)],
+    context: &TermContext,
+) -> Vec<TermDefinition> {
+    let sides = [("parent", context.parent), ("child", context.child)].into_iter().filter(|(_, present)| *present);
+    let term = |side| {
+        quantities.iter().map(move |&(of, unit, size)| TermDefinition::new(on, &format!("{of}_{side}"), unit, size))
+    };
+    sides.flat_map(|(side, _)| term(side)).collect()
 }
 
 fn readings(context: &TermContext) -> Vec<TermDefinition> {
@@ -286,7 +306,7 @@ mod tests {
 
     #[test]
     fn every_term_and_its_text_are_formulas() {
-        let context = TermContext { q: (-0.8, 1.1), duration_s: 4.0, servo: true };
+        let context = TermContext { q: (-0.8, 1.1), duration_s: 4.0, servo: true, parent: true, child: true };
         let scales = RobotScales::guess(&btr_physics::presets::pendulum::pendulum(
             1.0,
             0.5,
