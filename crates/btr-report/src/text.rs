@@ -92,9 +92,12 @@ pub fn corrected(value: &CorrectedValue) -> Vec<String> {
 
 /// What speaks for a finding besides its fit.
 pub fn evidence(support: &Support) -> String {
-    let Support { share, logs_better: [better, of], established, .. } = support;
-    let by =
+    let Support { share, logs_better: [better, of], leave_one_out_change, established, .. } = support;
+    let mut by =
         format!("it explains {:.0} % of the squared error above the noise, in {better} of {of} logs", 100.0 * share);
+    if let Some(change) = leave_one_out_change {
+        by += &format!("; leaving out any one log changes its size by at most {:.0} %", (100.0 * change).ceil());
+    }
     if *established { by } else { format!("{by}: not established, it may stand in for something else") }
 }
 

@@ -1,12 +1,14 @@
 //! What speaks for the findings, and the verdict.
 
 use super::report::{Evidence, MissingEffect, Verdict};
-use super::thresholds::{AT_MOST, CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY};
+use super::thresholds::{AT_MOST, CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY, STABLE};
 use crate::LadderStep;
 use crate::fit::measure::NOISE;
 use crate::fit::residual_vector::{ResidualVector, chi, squares};
 use crate::fit::{FitPoint, LogSet, Objective};
 use crate::residual_model::CandidateKind;
+use nalgebra::DVector;
+use std::ops::Range;
 
 /// The squared errors of a fit.
 pub(super) struct LogErrors {
@@ -32,15 +34,42 @@ impl LogErrors {
     }
 }
 
-/// The sum of squares of each log of a set, infinite without a residual.
-fn by_log(objective: &Objective, logs: LogSet, residual: Option<&ResidualVector>) -> Vec<f64> {
+/// The rows of each log of a set in its residual.
+fn rows(objective: &Objective, logs: LogSet) -> Vec<Range<usize>> {
     let mut start = 0;
-    let error = |&log: &usize| {
+    let rows = |&log: &usize| {
         let rows = start..start + objective.description.logs[log].rows();
         start = rows.end;
-        residual.map_or(f64::INFINITY, |residual| squares(&residual[rows]))
+        rows
     };
-    objective.logs(logs).iter().map(error).collect()
+    objective.logs(logs).iter().map(rows).collect()
+}
+
+/// The sum of squares of each log of a set, infinite without a residual.
+fn by_log(objective: &Objective, logs: LogSet, residual: Option<&ResidualVector>) -> Vec<f64> {
+    let error = |rows| residual.map_or(f64::INFINITY, |residual| squares(&residual[rows]));
+    rows(objective, logs).into_iter().map(error).collect()
+}
+
+/// By what share of it the size of a candidate changes at most if one of the training logs is left out: one Gauss-Newton
+/// step from the fit to all logs. `None` with one log alone.
+pub(super) fn leave_one_out_change(objective: &Objective, fit: &FitPoint, candidate: usize) -> Option<f64> {
+    let (jacobian, logs) = (fit.jacobian.as_ref()?, rows(objective, LogSet::Learn));
+    if logs.len() < 2 {
+        return None;
+    }
+    let amplitudes = &objective.candidates()[candidate].amplitudes;
+    let curvature = fit.quadratic_model(objective.parameters(), jacobian).curvature;
+    let without = |rows: Range<usize>| {
+        let of_log = jacobian.rows(rows.start, rows.len());
+        let gradient = of_log.tr_mul(&DVector::from_column_slice(&fit.residual[rows]));
+        let step = (&curvature - of_log.tr_mul(&of_log)).cholesky()?.solve(&gradient);
+        let changes = fit.active.iter().zip(step.iter()).filter(|(parameter, _)| amplitudes.contains(parameter));
+        let size = amplitudes.iter().map(|&parameter| fit.u[parameter].abs()).fold(0.0, f64::max);
+        Some(changes.map(|(_, by)| by.abs() / size).fold(0.0, f64::max))
+    };
+    let changes: Option<Vec<f64>> = logs.into_iter().map(without).collect();
+    changes.map(|changes| changes.into_iter().fold(0.0, f64::max)).filter(|change| change.is_finite())
 }
 
 /// The share of the mean square error above the noise, `at_first`, that is gone where it falls from `before` to
@@ -63,6 +92,7 @@ impl Evidence {
             share: share(before.judged, after.judged, at_first),
             logs_better: better.count(),
             logs: after.each.len(),
+            leave_one_out_change: None,
             established: false,
         }
     }
@@ -82,7 +112,8 @@ pub(super) fn weigh(last: &LadderStep, at_first: f64, roughly: bool, findings: &
     for found in findings.iter_mut() {
         let evidence = &mut found.evidence;
         let in_most = evidence.logs_better as f64 >= IN_MOST_LOGS * evidence.logs as f64;
-        evidence.established = explained || (mostly && evidence.share >= CONSIDERABLE && in_most);
+        let stable = evidence.leave_one_out_change.is_none_or(|change| change <= STABLE);
+        evidence.established = explained || (mostly && evidence.share >= CONSIDERABLE && in_most && stable);
         if !explained {
             // The likelihood takes what is left for noise. It is not: another cause may be behind all of it.
             found.probability *= share.min(AT_MOST);
@@ -104,7 +135,7 @@ mod tests {
     fn found(share: f64, logs_better: usize) -> MissingEffect {
         MissingEffect {
             kind: CandidateKind::Effect,
-            evidence: Evidence { share, logs_better, logs: 5, established: false },
+            evidence: Evidence { share, logs_better, logs: 5, ..Evidence::default() },
             effect: "coulomb_friction".to_owned(),
             site: "elbow".to_owned(),
             alike: Vec::new(),
@@ -126,6 +157,18 @@ mod tests {
         assert_eq!(verdict(2.6, 1.1, &mut [found(0.99, 5)]), Verdict::PartlyExplained);
         assert_eq!(verdict(1.1, 1.3, &mut [found(0.99, 5)]), Verdict::PartlyExplained);
         assert_eq!(verdict(1.0, 1.0, &mut []), Verdict::NothingMissing);
+    }
+
+    #[test]
+    fn what_rests_on_one_log_is_not_established_while_an_error_is_left() {
+        let change = |by: f64| {
+            let mut found = found(0.99, 5);
+            found.evidence.leave_one_out_change = Some(by);
+            found
+        };
+        assert_eq!(verdict(1.4, 1.4, &mut [change(0.1)]), Verdict::PartlyExplained);
+        assert_eq!(verdict(1.4, 1.4, &mut [change(0.9)]), Verdict::Unexplained);
+        assert_eq!(verdict(1.0, 1.0, &mut [change(0.9)]), Verdict::EffectMissing);
     }
 
     #[test]

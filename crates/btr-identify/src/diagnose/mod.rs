@@ -26,7 +26,7 @@ use crate::fit::measure::{ComparisonMeasure, NOISE};
 use crate::fit::{FitPoint, Intervals, Objective, RESTARTS, SearchBudget, estimates};
 use btr_core::world::{Cancelled, WorldError};
 use residual_law::residual_law;
-use round::round;
+use round::{SecondLooks, round};
 use state::DiagnosisState;
 
 /// Share of the rollouts for effects; the rest is for a law.
@@ -98,7 +98,8 @@ fn go_on(
             break;
         }
         let rounds = state.rounds.len();
-        let found = round(objective, &mut state, question);
+        let mut second_looks = SecondLooks::new(question);
+        let found = round(objective, &mut state, &mut second_looks);
         if objective.is_stopped() {
             // A round that was not finished has not seen all rivals: nothing is named by it.
             state.rounds.truncate(rounds);
@@ -106,7 +107,7 @@ fn go_on(
             break;
         }
         let Some((rival, found)) = found else {
-            cut_short = !question.allows(round::SECOND_LOOK, objective.rollouts());
+            cut_short = second_looks.refused;
             break;
         };
         // An accepted effect is finished: stopped halfway, it would be neither fitted nor judged.
@@ -165,6 +166,9 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
     let last = state.ladder.last().map_or(f64::INFINITY, |step| step.held_out.unwrap_or(step.train));
     let integrator_error = state.fit.held_out_step_error(objective).max(state.integrator);
     let roughly = objective.description.has_contact || objective.description.is_chaotic;
+    for found in &mut state.chosen {
+        found.evidence.leave_one_out_change = evidence::leave_one_out_change(objective, &state.fit, found.candidate);
+    }
     let verdict = match state.ladder.last() {
         Some(last) => evidence::weigh(last, state.unexplained_at_first, roughly, &mut state.chosen),
         None => Verdict::Unexplained,

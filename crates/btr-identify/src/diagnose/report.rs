@@ -55,6 +55,9 @@ pub struct Evidence {
     pub logs_better: usize,
     /// ... and of how many.
     pub logs: usize,
+    /// By what share of it the finding's size changes at most if one of the training logs is left out; none with one
+    /// log alone.
+    pub leave_one_out_change: Option<f64>,
     /// Whether it is established: what is found explains the error, or it explains a considerable share of it in
     /// nearly all logs. Otherwise it also helps a little.
     pub established: bool,

@@ -20,7 +20,7 @@ const MODEST: f64 = 0.5;
 const HARDLY: f64 = 0.7;
 
 /// Share of the allowed rollouts up to which a round looks at the candidates in more than one way.
-pub(super) const SECOND_LOOK: f64 = 0.5;
+const SECOND_LOOK: f64 = 0.5;
 
 /// An error above this many noise floors, even with the leader, is far away: probes around a motion that has run off
 /// predict little.
@@ -29,11 +29,30 @@ const FAR: f64 = 5.0;
 /// Number of the best rivals whose effects are tried at other sites if none of them explains enough.
 const OTHER_SITES: usize = 3;
 
+/// Whether a round may look at the candidates in more than one way.
+pub(super) struct SecondLooks {
+    options: DiagnoseOptions,
+    /// Whether one was not allowed.
+    pub(super) refused: bool,
+}
+
+impl SecondLooks {
+    pub(super) fn new(options: DiagnoseOptions) -> Self {
+        SecondLooks { options, refused: false }
+    }
+
+    fn allow(&mut self, objective: &Objective) -> bool {
+        let allowed = self.options.allows(SECOND_LOOK, objective.rollouts());
+        self.refused |= !allowed;
+        allowed
+    }
+}
+
 /// Screens, races and judges; the winner if it is accepted.
 pub(super) fn round(
     objective: &mut Objective,
     state: &mut DiagnosisState,
-    options: DiagnoseOptions,
+    second_looks: &mut SecondLooks,
 ) -> Option<(Rival, MissingEffect)> {
     let chosen = |candidate: &usize| state.chosen.iter().any(|found| found.candidate == *candidate);
     let offered: Vec<usize> = (0..objective.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
@@ -44,8 +63,7 @@ pub(super) fn round(
         rivals = best_of_each(rivals.into_iter().chain(others).collect());
         starts.extend(screened);
     }
-    let allowed = |objective: &Objective| options.allows(SECOND_LOOK, objective.rollouts());
-    if leaves_more_than(FAR, objective, &rivals) && allowed(objective) {
+    if leaves_more_than(FAR, objective, &rivals) && second_looks.allow(objective) {
         let (near, screened) = from_short_parts(objective, state, &Derivation::InWindows, &offered);
         rivals = best_of_each(rivals.into_iter().chain(near).collect());
         starts.extend(screened);
@@ -55,28 +73,35 @@ pub(super) fn round(
     if leader.fit.squares() > MODEST * state.fit.squares() {
         drop_effect(objective, leader, state).into_iter().for_each(|drop_effect| state.follow(objective, drop_effect));
     }
-    let screened = if hardly || !allowed(objective) { &[] } else { starts.as_slice() };
+    let once_more = leaves_much(objective, &rivals) && !hardly && second_looks.allow(objective);
+    let screened = if once_more { starts.as_slice() } else { &[] };
     let again = to_be_tried_again(objective, leader, &rivals, screened, &offered);
-    if let Some(drop_effect) = drop_effect(objective, leader, state).filter(|_| !again.is_empty()) {
-        let mut bases = vec![drop_effect];
-        let starts = screen(objective, &mut bases, &again);
-        // The cheap steps of a race may leave a simpler candidate far behind: the best of them is fitted in any case.
-        let simpler = again.iter().any(|&candidate| is_simpler(objective, leader.candidate, candidate));
-        let others = race(objective, &bases, &starts, (!simpler).then_some(&leader.fit));
-        rivals = best_of_each(rivals.into_iter().chain(others).collect());
-    }
+    let others = from_the_leader(objective, state, leader, &again);
+    rivals = best_of_each(rivals.into_iter().chain(others).collect());
     if objective.description.has_contact {
         let rivals = on_the_ground(objective, state, rivals, &offered);
         return judge_rivals(objective, state, rivals);
     }
     let judged = judge_rivals(objective, state, rivals.clone());
-    if judged.is_some() || !leaves_much(objective, &rivals) || !allowed(objective) {
+    if judged.is_some() || !leaves_much(objective, &rivals) || !second_looks.allow(objective) {
         return judged;
     }
     let others = not_fitted(&rivals, &offered);
     let late = last_chance_of_the_best(objective, &state.fit, &others, &rivals[0].fit);
     state.rounds.pop();
     judge_rivals(objective, state, best_of_each(rivals.into_iter().chain(late).collect()))
+}
+
+/// Candidates tried with the free parameters where the leader has moved them.
+fn from_the_leader(objective: &Objective, state: &DiagnosisState, leader: &Rival, again: &[usize]) -> Vec<Rival> {
+    let Some(drop_effect) = drop_effect(objective, leader, state).filter(|_| !again.is_empty()) else {
+        return Vec::new();
+    };
+    let mut bases = vec![drop_effect];
+    let starts = screen(objective, &mut bases, again);
+    // The cheap steps of a race may leave a simpler candidate far behind: the best of them is fitted in any case.
+    let simpler = again.iter().any(|&candidate| is_simpler(objective, leader.candidate, candidate));
+    race(objective, &bases, &starts, (!simpler).then_some(&leader.fit))
 }
 
 /// Where a robot may tip over, no probe predicts a fall: if the leader leaves much, all candidates are simulated. What
@@ -143,13 +168,12 @@ fn from_the_whole(objective: &Objective, state: &DiagnosisState, offered: &[usiz
 
 /// Candidates to try again with the free parameters where the leader has moved them: similar ones that were not fitted,
 /// so that no effect is called certain that a similar one explains as well; similar ones with fewer parameters, whose
-/// search may only have failed to reach that point; and all that were screened, if the leader leaves something to
-/// explain.
+/// search may only have failed to reach that point; and all that were `screened`.
 fn to_be_tried_again(
     objective: &Objective,
     leader: &Rival,
     rivals: &[Rival],
-    starts: &[StartPoint],
+    screened: &[StartPoint],
     offered: &[usize],
 ) -> Vec<usize> {
     let similar = |candidate: &usize| {
@@ -157,9 +181,8 @@ fn to_be_tried_again(
         let is_similar = objective.candidates()[leader.candidate].similar.contains(candidate);
         (is_similar && !fitted) || is_simpler(objective, leader.candidate, *candidate)
     };
-    let explains = chi(leader.fit.squares(), objective.samples(LogSet::Learn)) <= NOISE;
-    let screened = |candidate: &usize| !explains && starts.iter().any(|start| start.candidate == *candidate);
-    offered.iter().copied().filter(|candidate| similar(candidate) || screened(candidate)).collect()
+    let was_screened = |candidate: &usize| screened.iter().any(|start| start.candidate == *candidate);
+    offered.iter().copied().filter(|candidate| similar(candidate) || was_screened(candidate)).collect()
 }
 
 /// Whether a candidate is similar to another one and has fewer parameters.

@@ -19,5 +19,7 @@ pub const MOSTLY: f64 = 0.98;
 pub const CONSIDERABLE: f64 = 0.05;
 /// ... and smallest share of the logs in which it must lower the error.
 pub const IN_MOST_LOGS: f64 = 0.8;
+/// ... and largest share by which its size may change if one of the training logs is left out.
+pub const STABLE: f64 = 0.5;
 /// Largest probability of a finding while an error is left.
 pub const AT_MOST: f64 = 0.95;

@@ -1,11 +1,11 @@
 //! Estimates: the value of each parameter, its interval, and combinations that the logs do not determine.
 
 use super::objective::{LogSet, Objective};
-use super::residual_vector::channels;
 use super::solve::FitPoint;
 use crate::residual_model::{FitParameter, ModelDescription};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// Standard deviations of a 95 % interval.
 const NINETY_FIVE: f64 = 1.96;
@@ -13,8 +13,10 @@ const NINETY_FIVE: f64 = 1.96;
 const LOOSE: f64 = 3.0;
 /// ... widen an interval by this factor, the interval is due to the bounds.
 const BY_BOUNDS: f64 = 1.5;
-/// Fewest channels per parameter for a covariance estimated from the differences between channels.
-const CHANNELS: usize = 2;
+/// Fewest clusters of the residual per parameter for a covariance that is estimated from their differences.
+const CLUSTERS: usize = 2;
+/// Length of a cluster of a channel, in s, without contact.
+const CLUSTER_S: f64 = 1.0;
 /// Largest information of the logs along a null direction, as a share of the prior's.
 const NULL: f64 = 0.2;
 /// Smallest share of a parameter that is named in a null direction.
@@ -50,7 +52,7 @@ pub enum Intervals {
 
 /// Values and intervals of the free parameters of a fit, with their indices. `inflation` is the factor of the
 /// covariance that accounts for the residual's variance and memory. The effect of the time step on a parameter widens
-/// its interval as well. With contact, intervals are at least as wide as the differences between channels suggest.
+/// its interval as well. Intervals are at least as wide as the differences between parts of the logs suggest.
 pub fn estimates(
     objective: &Objective,
     fit: &FitPoint,
@@ -61,7 +63,7 @@ pub fn estimates(
     let (description, parameters) = (&objective.description, objective.parameters());
     let deviations_within = deviations(parameters, fit, inflation, 1.0);
     let by_logs = deviations(parameters, fit, inflation, LOOSE);
-    let by_channels = if description.has_contact { by_channels(description, fit) } else { None };
+    let by_clusters = by_clusters(description, fit);
     let by_step = if given { by_step(objective, fit) } else { None };
     let estimate = |(k, &index): (usize, &usize)| {
         let (parameter, u) = (&parameters[index], fit.u[index]);
@@ -70,7 +72,7 @@ pub fn estimates(
         let deviation = deviations_within.as_ref().map(|d| d[k]).filter(|_| given && !at_bound);
         let by_bounds =
             deviation.zip(by_logs.as_ref()).is_some_and(|(within, by_logs)| by_logs[k] > BY_BOUNDS * within);
-        let deviation = deviation.map(|d| by_channels.as_ref().map_or(d, |by_channels| d.max(by_channels[k])));
+        let deviation = deviation.map(|d| by_clusters.as_ref().map_or(d, |by_clusters| d.max(by_clusters[k])));
         let deviation = deviation.map(|d| by_step.as_ref().map_or(d, |by_step| d.hypot(by_step[k])));
         let ends = |d: f64| [-1.0, 1.0].map(|side| parameter.value(parameter.along(u, side * NINETY_FIVE * d)));
         let ci95 = deviation.map(ends).map(|[a, b]| [a.min(b), a.max(b)]);
@@ -113,26 +115,53 @@ fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
     covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
 }
 
-/// The same from the differences between channels: the offset that a foot leaves in a channel when it lands at another
-/// place is small but persistent, so that the residual's memory does not include it. The covariance is H⁻¹·M·H⁻¹, with
-/// M the sum of the outer products of each channel's gradient. `None` with too few channels.
-fn by_channels(description: &ModelDescription, fit: &FitPoint) -> Option<Vec<f64>> {
+/// The same from the differences between clusters of the residual: the covariance is H⁻¹·M·H⁻¹, with M the sum of the
+/// outer products of each cluster's gradient (K.-Y. Liang and S. L. Zeger, "Longitudinal data analysis using generalized
+/// linear models", Biometrika 73, 1986). What the model does not describe pulls a parameter one way in one part of the
+/// logs and another way in the next. `None` with too few clusters.
+fn by_clusters(description: &ModelDescription, fit: &FitPoint) -> Option<Vec<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
-    let channels = channels(description.logs.iter().filter(|log| !log.held_out));
+    let mut clusters = clusters(description);
+    // Rows that are not compared are zero.
+    clusters.retain(|rows| fit.residual[rows.clone()].iter().any(|r| *r != 0.0));
     let parameters = fit.active.len();
-    if channels.len() < CHANNELS * parameters {
+    if clusters.len() < CLUSTERS * parameters {
         return None;
     }
     let mut scatter = DMatrix::zeros(parameters, parameters);
-    for rows in &channels {
+    for rows in &clusters {
         let residual = DVector::from_column_slice(&fit.residual[rows.clone()]);
         let gradient = jacobian.rows_range(rows.clone()).tr_mul(&residual);
         scatter.ger(1.0, &gradient, &gradient, 1.0);
     }
     // The fit makes the gradients smaller than they would be at the true parameters.
-    scatter *= channels.len() as f64 / (channels.len() - parameters) as f64;
+    scatter *= clusters.len() as f64 / (clusters.len() - parameters) as f64;
     let inverse = posterior_precision(&description.parameters, fit, 1.0, 1.0)?.try_inverse()?;
     Some(roots(&(&inverse * scatter * &inverse)))
+}
+
+/// The clusters of the training logs' residual, as ranges of its rows: seconds of a channel; with contact whole
+/// channels, as the offset that a foot leaves in a channel when it lands at another place is small but persistent.
+fn clusters(description: &ModelDescription) -> Vec<Range<usize>> {
+    let (mut clusters, mut first) = (Vec::new(), 0);
+    for (log, clock_s) in description.logs.iter().zip(&description.clocks_s).filter(|(log, _)| !log.held_out) {
+        for channel in &log.channels {
+            let rows = first + channel.samples.start..first + channel.samples.end;
+            if description.has_contact {
+                clusters.push(rows);
+                continue;
+            }
+            let second = |row: &usize| {
+                let time_s = clock_s.get(row - rows.start).map_or(0.0, |t| t - clock_s[0]);
+                (time_s / CLUSTER_S) as usize
+            };
+            let all: Vec<usize> = rows.clone().collect();
+            let of_seconds = all.chunk_by(|a, b| second(a) == second(b));
+            clusters.extend(of_seconds.map(|rows| rows[0]..rows[rows.len() - 1] + 1));
+        }
+        first += log.rows();
+    }
+    clusters
 }
 
 /// By how much the integrator's error moves each free coordinate; `None` where motion is chaotic and the error unknown.

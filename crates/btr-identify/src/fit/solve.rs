@@ -237,7 +237,7 @@ impl FitPoint {
     }
 
     /// The local quadratic model of half the cost.
-    pub(super) fn quadratic_model(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>) -> QuadraticModel {
+    pub(crate) fn quadratic_model(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>) -> QuadraticModel {
         let mut curvature = jacobian.tr_mul(jacobian);
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&self.residual));
         for (k, &parameter) in self.active.iter().enumerate() {

@@ -41,6 +41,8 @@ pub struct Support {
     pub share: f64,
     /// In how many logs the error is smaller with it, held-out ones included, and of how many.
     pub logs_better: [usize; 2],
+    /// By what share of it its size changes at most if one of the training logs is left out; none with one log alone.
+    pub leave_one_out_change: Option<f64>,
     /// Whether it is established; otherwise it also helps a little.
     pub established: bool,
 }
@@ -54,6 +56,7 @@ impl Support {
             delta_bic: found.delta_bic,
             share: evidence.share,
             logs_better: [evidence.logs_better, evidence.logs],
+            leave_one_out_change: evidence.leave_one_out_change,
             established: evidence.established,
         }
     }
@@ -65,6 +68,10 @@ impl Support {
         self.delta_bic += other.delta_bic;
         self.share += other.share;
         self.logs_better[0] = self.logs_better[0].min(other.logs_better[0]);
+        self.leave_one_out_change = match (self.leave_one_out_change, other.leave_one_out_change) {
+            (Some(a), Some(b)) => Some(a.max(b)),
+            (a, b) => a.or(b),
+        };
         self.established &= other.established;
     }
 }

@@ -21,6 +21,8 @@ class Support(Record):
     """The share of the squared error above the noise that it explains, on held-out logs if there are any."""
     logs_better: list[int]
     """In how many logs the error is smaller with it, held-out ones included, and of how many."""
+    leave_one_out_change: float | None
+    """By what share of it its size changes at most if one of the training logs is left out; none with one log alone."""
     established: bool
     """Whether it is established; otherwise it also helps a little, and may stand in for something else."""
 
