@@ -3,7 +3,8 @@
 
 use btr_identify::diagnose::{Diagnosis, Verdict};
 use btr_lab::identification::IdentificationProblem;
-use btr_physics::effects::{PlacedEffect, find};
+use btr_physics::effects::{FormulaTarget, PlacedEffect, find, formula};
+use btr_physics::model::Model;
 use btr_tests::planted::{Planted, Waves, arm, diagnosis, names, problem};
 
 const WAVES: Waves = Waves { seconds: 4, amplitude_rad: 0.5 };
@@ -13,11 +14,35 @@ fn effect(name: &str, site: &str, values: &[f64]) -> PlacedEffect {
     PlacedEffect { effect: find(name).unwrap(), site: site.to_owned(), values: values.to_vec() }
 }
 
-/// The diagnosis of the arm with these effects planted.
-fn diagnosed(effects: Vec<PlacedEffect>) -> (IdentificationProblem, Diagnosis) {
-    let problem = problem(arm(str::to_owned), WAVES, &Planted { effects, ..Planted::default() }, &[]);
+/// The diagnosis of a model with logs of a robot that has these effects as well.
+fn diagnosed(model: Model, effects: Vec<PlacedEffect>) -> (IdentificationProblem, Diagnosis) {
+    let problem = problem(model, WAVES, &Planted { effects, ..Planted::default() }, &[]);
     let diagnosis = diagnosis(&problem);
     (problem, diagnosis)
+}
+
+/// The desk arm.
+fn desk_arm() -> Model {
+    arm(str::to_owned)
+}
+
+/// Asserts that one effect is missing, and that it has this value.
+fn assert_missing(
+    found: &(IdentificationProblem, Diagnosis),
+    name: &str,
+    (parameter, truth): (&str, f64),
+    within: f64,
+) {
+    let (problem, diagnosis) = found;
+    let ladder: Vec<_> = diagnosis.ladder.iter().map(|step| (&step.step, step.train, step.held_out)).collect();
+    assert_eq!(
+        (diagnosis.verdict, names(problem, diagnosis)),
+        (Verdict::EffectMissing, vec![name.to_owned()]),
+        "{ladder:?}"
+    );
+    let value = estimate(diagnosis, parameter);
+    assert!((value / truth - 1.0).abs() < within, "{value}");
+    assert!(diagnosis.rollouts < 10_000, "{}", diagnosis.rollouts);
 }
 
 /// The estimate of a finding's parameter.
@@ -30,14 +55,50 @@ fn estimate(diagnosis: &Diagnosis, name: &str) -> f64 {
 /// way to that.
 #[test]
 fn a_motor_that_is_too_weak_is_found_from_far_away() {
-    let (problem, diagnosis) = diagnosed(vec![effect("torque_limit", "shoulder", &[1.1])]);
-    let error = diagnosis.ladder[1].train;
+    let found = diagnosed(desk_arm(), vec![effect("torque_limit", "shoulder", &[1.1])]);
+    let error = found.1.ladder[1].train;
     assert!(error > 100.0, "{error}");
-    assert_eq!(
-        (diagnosis.verdict, names(&problem, &diagnosis)),
-        (Verdict::EffectMissing, vec!["torque_limit@shoulder".to_owned()])
-    );
-    let torque = estimate(&diagnosis, "torque_limit.torque@shoulder");
-    assert!((torque / 1.1 - 1.0).abs() < 0.01, "{torque}");
-    assert!(diagnosis.rollouts < 10_000, "{}", diagnosis.rollouts);
+    assert_missing(&found, "torque_limit@shoulder", ("torque_limit.torque@shoulder", 1.1), 0.01);
+}
+
+/// At the centre of mass a payload would be the twin of the link's mass, which is free.
+#[test]
+fn a_payload_at_the_tip_is_no_wrong_mass() {
+    let found = diagnosed(desk_arm(), vec![effect("end_payload", "forearm", &[0.12])]);
+    assert_missing(&found, "end_payload@forearm", ("end_payload.mass@forearm", 0.12), 0.03);
+}
+
+/// What a robot can carry does not depend on the mass of its last link.
+#[test]
+fn a_payload_may_outweigh_a_light_flange() {
+    let mut model = desk_arm();
+    let flange = model.robot.links.iter_mut().find(|link| link.name == "forearm").unwrap();
+    flange.mass_kg = 0.05;
+    flange.inertia_kg_m2 *= 0.05 / 0.35;
+    let found = diagnosed(model, vec![effect("end_payload", "forearm", &[1.2])]);
+    assert_missing(&found, "end_payload@forearm", ("end_payload.mass@forearm", 1.2), 0.02);
+}
+
+/// An elastic transmission is not told as a delay, and the rotor that the model knows is not in its way.
+#[test]
+fn elasticity_is_found_beside_a_known_rotor() {
+    const ROTORS: &str = "\n[[effects]]\neffect = \"armature\"\nsite = \"*\"\ninertia = 0.012\n";
+    let model = arm(|text| text.to_owned() + ROTORS);
+    let found = diagnosed(model, vec![effect("joint_elasticity", "elbow", &[60.0, 0.02])]);
+    assert_missing(&found, "joint_elasticity@elbow", ("joint_elasticity.stiffness@elbow", 60.0), 0.03);
+}
+
+/// Friction that grows over a range of speeds instead of jumping is dry friction, not a Stribeck curve upside down with
+/// a delay beside it.
+#[test]
+fn regularised_friction_is_dry_friction() {
+    let law = formula(FormulaTarget::Torque, "-0.2*tanh(dq/0.02)", &[]).unwrap();
+    let planted = PlacedEffect { effect: law, site: "elbow".to_owned(), values: Vec::new() };
+    let (problem, diagnosis) = diagnosed(desk_arm(), vec![planted]);
+    let names = names(&problem, &diagnosis);
+    let first = ["coulomb_friction@elbow", "presliding_friction@elbow"].contains(&names[0].as_str());
+    let errors = diagnosis.ladder.last().unwrap();
+    assert!(first && names.len() == 1, "{names:?} {errors:?}");
+    let torque = estimate(&diagnosis, &names[0].replace('@', ".torque@"));
+    assert!((torque / 0.2 - 1.0).abs() < 0.05, "{torque}");
 }
