@@ -45,6 +45,7 @@ impl SyntheticModel {
         let names = ["gain"].iter().chain(effects).enumerate();
         let parameters: Vec<FitParameter> = names.map(|(i, name)| parameter(name, i > 0)).collect();
         let candidate = |(i, name): (usize, &&str)| EffectCandidate {
+            ripple: None,
             kind: CandidateKind::Effect,
             effect: (*name).to_owned(),
             site: "here".to_owned(),

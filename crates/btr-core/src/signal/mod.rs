@@ -1,9 +1,10 @@
-//! Time series on a clock: noise floors, smoothing and derivatives, time shifts, spectra, and what is missing in them.
+//! Time series on a clock: noise floors, smoothing and derivatives, time shifts, spectra, ripples, and what is missing in them.
 
 pub mod fft;
 pub mod lag;
 pub mod missing;
 pub mod noise;
+pub mod ripple;
 pub mod smooth;
 pub mod stats;
 pub(crate) mod student;

@@ -8,6 +8,8 @@ use super::linear::{BasePoint, STRETCH};
 use super::start_point::{ProbeSizes, StartPoint, has_two_sides, with};
 use crate::fit::{FitPoint, LogSet, Objective, corrected, shared, squares};
 use crate::residual_model::{EffectCandidate, Parametrisation};
+use btr_core::signal::ripple::orders;
+use std::cmp::Ordering::Equal;
 
 /// Probes of the first pass, and of the second one.
 const COARSE: ProbeSizes =
@@ -20,6 +22,8 @@ const FINE: ProbeSizes = ProbeSizes {
 /// Probes for candidates whose best amplitude lies beyond the range of the second pass: after a foot has lost contact,
 /// or a joint has reached its stop, the response is not linear.
 const FAR: ProbeSizes = ProbeSizes { amplitudes: &[6.0, 24.0], limits: &[], compliances: &[] };
+/// How many orders of ripples are tried that the error shows.
+const ORDERS: usize = 4;
 /// How many candidates pass the first pass.
 const COARSE_PASS: usize = 16;
 /// How many of the best predictions are simulated.
@@ -55,10 +59,10 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
     let Some((log, rows)) = bases.first().and_then(|base| objective.worst_logs(&base.residual, 1).pop()) else {
         return Vec::new();
     };
-    let all = |&candidate: &usize| (candidate, objective.candidates()[candidate].starts.clone());
-    let offered: Vec<(usize, Vec<Vec<f64>>)> = offered.iter().map(all).collect();
     let probe_coarsely = |(index, base): (usize, &FitPoint)| {
         let on_log = base.in_rows(rows.clone());
+        let starts = |&candidate: &usize| (candidate, starts(objective, candidate, log, &on_log.residual));
+        let offered: Vec<(usize, Vec<Vec<f64>>)> = offered.iter().map(starts).collect();
         let base = BasePoint::new(objective, index, &on_log, vec![log]);
         base.map_or_else(Vec::new, |base| base.predicted_together(objective, &offered, &COARSE))
     };
@@ -79,6 +83,25 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
     predicted.extend(best(far.concat(), STRIKING));
     predicted.extend(coarse.iter().take(STRIKING).cloned());
     verify(objective, bases, &predicted)
+}
+
+/// The starts of a candidate; for ripples, also with the orders that the error in a log shows.
+fn starts(objective: &Objective, candidate: usize, log: usize, residual: &[f64]) -> Vec<Vec<f64>> {
+    let candidate = &objective.candidates()[candidate];
+    let mut starts = candidate.starts.clone();
+    let Some(ripple) = &candidate.ripple else { return starts };
+    let channel = objective.description.logs[log].channels.iter().find(|channel| channel.name == ripple.channel);
+    let Some(rows) = channel.map(|channel| channel.samples.clone()) else { return starts };
+    let Some(position) = objective.description.measured[log].get(rows.clone()) else { return starts };
+    let order = &objective.parameters()[candidate.shapes[ripple.shape]];
+    for seen in orders(position, &residual[rows], ORDERS) {
+        let mut with_order = candidate.starts.clone();
+        with_order.iter_mut().for_each(|start| start[ripple.shape] = order.clamp(order.coordinate(seen)));
+        with_order.sort_by(|a, b| a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne()).unwrap_or(Equal));
+        with_order.dedup();
+        starts.extend(with_order);
+    }
+    starts
 }
 
 /// Whether a prediction ends at the limit of extrapolation of the second pass, with room beyond.

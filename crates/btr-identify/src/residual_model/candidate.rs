@@ -10,6 +10,15 @@ pub enum CandidateKind {
     Value,
 }
 
+/// A shape that is the order of a ripple in a position: its starts come from the error as well.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ripple {
+    /// Which of the candidate's shapes.
+    pub shape: usize,
+    /// The channel of the position.
+    pub channel: String,
+}
+
 /// An effect that the model may lack at a site, or a value that it may state wrongly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffectCandidate {
@@ -25,6 +34,8 @@ pub struct EffectCandidate {
     pub shapes: Vec<usize>,
     /// Start coordinates of the shapes: for each start, one per shape. At least one start, perhaps empty.
     pub starts: Vec<Vec<f64>>,
+    /// The order among its shapes, if there is one.
+    pub ripple: Option<Ripple>,
     /// Similar candidates at the same site, as indices.
     pub similar: Vec<usize>,
     /// Those of them that it equals at some values of its parameters.

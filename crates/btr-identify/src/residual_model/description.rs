@@ -25,6 +25,8 @@ pub struct ModelDescription {
     pub logs: Vec<RecordedLog>,
     /// For each log, the clock of its channels, in s from where laws count time.
     pub clocks_s: Vec<Vec<f64>>,
+    /// For each log, the measured values in the rows of its residual, in the channels' units; empty where unknown.
+    pub measured: Vec<Vec<f64>>,
     /// For each log, how it begins.
     pub starts: Vec<LogStart>,
     /// Standard deviation of the prior of the numbers of all starts, in units of
@@ -52,6 +54,7 @@ impl ModelDescription {
             candidate_channels: Vec::new(),
             law_terms: Vec::new(),
             clocks_s: vec![Vec::new(); logs.len()],
+            measured: vec![Vec::new(); logs.len()],
             starts: (0..logs.len()).map(start).collect(),
             logs,
             start_spread: f64::INFINITY,

@@ -7,7 +7,7 @@ use super::catalogue::sites::sites;
 use super::catalogue::values::{Catalogue, StatedValue, similar_to_value};
 use super::problem::{Change, IdentificationProblem};
 use btr_core::world::WorldError;
-use btr_identify::residual_model::{CandidateKind, EffectCandidate, LawTerm};
+use btr_identify::residual_model::{CandidateKind, EffectCandidate, LawTerm, Ripple};
 use btr_physics::effects::{EFFECTS, Effect};
 use btr_physics::robot::{Actuator, Base};
 
@@ -46,6 +46,7 @@ impl IdentificationProblem {
             amplitudes,
             shapes: Vec::new(),
             starts: vec![Vec::new()],
+            ripple: None,
             similar: Vec::new(),
             nested: Vec::new(),
         });
@@ -69,6 +70,8 @@ impl IdentificationProblem {
         if starts.is_empty() {
             starts.push(vec![0.0; shapes.len()]);
         }
+        let order = spec.params.iter().filter(|param| param.shape).position(|param| param.name == "order");
+        let ripple = order.map(|shape| Ripple { shape, channel: format!("q_{site}") });
         self.near.push(self.limb_of(&site));
         let effect_name = spec.name.to_owned();
         let (similar, nested) = (Vec::new(), Vec::new());
@@ -79,6 +82,7 @@ impl IdentificationProblem {
             amplitudes,
             shapes,
             starts,
+            ripple,
             similar,
             nested,
         });
@@ -167,7 +171,9 @@ impl IdentificationProblem {
         let (name, site) = (effect.spec().name.to_owned(), joint.to_owned());
         let (similar, nested) = (Vec::new(), Vec::new());
         let kind = CandidateKind::Effect;
-        let candidate = EffectCandidate { kind, effect: name, site, amplitudes, shapes, starts, similar, nested };
+        let ripple = None;
+        let candidate =
+            EffectCandidate { kind, effect: name, site, amplitudes, shapes, starts, ripple, similar, nested };
         let swings = term.swings.map(|i| first + i);
         self.features.push(LawTerm { on: format!("{:?}", term.on).to_lowercase(), term: candidate, swings });
         self.terms.push((term, effect));

@@ -27,6 +27,7 @@ impl ResidualModel for IdentificationProblem {
             candidate_channels: self.near.clone(),
             law_terms: self.features.clone(),
             clocks_s: (0..self.logs.len()).map(clock).collect(),
+            measured: (0..self.logs.len()).map(|log| self.measured_values(log)).collect(),
             starts: (0..self.logs.len()).map(|log| self.start(log)).collect(),
             // For a floating robot, one nudge is one standard deviation of the initial state.
             start_spread: if self.model.robot.base == Base::Fixed { f64::INFINITY } else { 1.0 },
@@ -90,6 +91,13 @@ impl IdentificationProblem {
     /// A simulation that diverges or cannot be set up.
     pub fn residual(&self, request: ResidualRequest, step: TimeStep) -> Result<Vec<f64>, WorldError> {
         (self as &dyn ResidualModel).residual(request, step)
+    }
+
+    /// The measured values of a log's compared channels, in the rows of its residual.
+    fn measured_values(&self, log: usize) -> Vec<f64> {
+        let recorded = &self.recorded[self.parts[log].scenario];
+        let values = |name: &str| recorded.channel(name).map_or(&[][..], |channel| &channel.values);
+        self.logs[log].channels.iter().flat_map(|channel| values(&channel.name)).copied().collect()
     }
 
     /// Description of a log's initial state.
