@@ -29,6 +29,8 @@ pub struct Waves {
     pub seconds: u32,
     /// Amplitude of the slower wave in rad.
     pub amplitude_rad: f64,
+    /// Steps up and down every second, in rad.
+    pub steps_rad: f64,
 }
 
 /// The desk arm with its text edited.
@@ -46,7 +48,8 @@ fn scenario(model: &Model, episode: usize, waves: Waves) -> Scenario {
     let mut commands = Log::new(clock.clone()).expect("a clock");
     for (k, (_, link)) in model.robot.movable().enumerate() {
         let rate = 2.0 + 1.3 * k as f64 + 0.7 * episode as f64;
-        let wave = |t: &f64| waves.amplitude_rad * (rate * t).sin() + 0.2 * (2.3 * rate * t).sin();
+        let steps = |t: f64| if (t + 0.005) % 2.0 < 1.0 { 0.0 } else { waves.steps_rad };
+        let wave = |t: &f64| waves.amplitude_rad * (rate * t).sin() + 0.2 * (2.3 * rate * t).sin() + steps(*t);
         let name = format!("cmd_{}", link.joint.name);
         commands.insert(name, "rad", Role::Command, clock.iter().map(wave).collect()).expect("a channel");
     }

@@ -18,7 +18,7 @@ fn problem(hidden: &[PlacedEffect], without: &[&str]) -> IdentificationProblem {
 /// A model with logs of what it does with `hidden` in it.
 fn problem_of(model: Model, hidden: &[PlacedEffect], without: &[&str]) -> IdentificationProblem {
     let planted = Planted { effects: hidden.to_vec(), ..Planted::default() };
-    planted_problem(model, Waves { seconds: 3, amplitude_rad: 0.45 }, &planted, without)
+    planted_problem(model, Waves { seconds: 3, amplitude_rad: 0.45, steps_rad: 0.0 }, &planted, without)
 }
 
 /// A diagnosis that knows no effects, so that there is only the law.

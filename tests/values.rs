@@ -17,7 +17,7 @@ fn with_a_wrong_value(name: &'static str, truth: f64) -> (IdentificationProblem,
         lines.collect::<Vec<_>>().join("\n") + ROTORS
     };
     let planted = Planted { values: vec![(name, truth)], ..Planted::default() };
-    let problem = problem(arm(fixed), Waves { seconds: 4, amplitude_rad: 0.5 }, &planted, &[]);
+    let problem = problem(arm(fixed), Waves { seconds: 4, amplitude_rad: 0.5, steps_rad: 0.0 }, &planted, &[]);
     let diagnosis = diagnosis(&problem);
     (problem, diagnosis)
 }

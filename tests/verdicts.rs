@@ -7,7 +7,7 @@ use btr_physics::effects::{FormulaTarget, PlacedEffect, find, formula};
 use btr_physics::model::Model;
 use btr_tests::planted::{Planted, Waves, arm, diagnosis, names, problem};
 
-const WAVES: Waves = Waves { seconds: 4, amplitude_rad: 0.5 };
+const WAVES: Waves = Waves { seconds: 4, amplitude_rad: 0.5, steps_rad: 0.0 };
 
 /// An effect with values in the order of its parameters.
 fn effect(name: &str, site: &str, values: &[f64]) -> PlacedEffect {
@@ -101,4 +101,22 @@ fn regularised_friction_is_dry_friction() {
     assert!(first && names.len() == 1, "{names:?} {errors:?}");
     let torque = estimate(&diagnosis, &names[0].replace('@', ".torque@"));
     assert!((torque / 0.2 - 1.0).abs() < 0.05, "{torque}");
+}
+
+/// A motor's ripple is faster than any that is tried beforehand.
+#[test]
+fn the_order_of_a_fast_ripple_comes_from_the_error() {
+    let found = diagnosed(desk_arm(), vec![effect("cogging", "elbow", &[0.15, 28.0, 1.0])]);
+    assert_missing(&found, "cogging@elbow", ("cogging.order@elbow", 28.0), 0.01);
+}
+
+/// Commands in steps are faster than the joint ever is.
+#[test]
+fn a_rate_limit_that_only_steps_reach_is_found() {
+    let planted = Planted { effects: vec![effect("command_rate_limit", "elbow", &[15.0])], ..Planted::default() };
+    let waves = Waves { steps_rad: 0.4, ..WAVES };
+    let problem = problem(desk_arm(), waves, &planted, &[]);
+    let diagnosis = diagnosis(&problem);
+    let found = (problem, diagnosis);
+    assert_missing(&found, "command_rate_limit@elbow", ("command_rate_limit.rate@elbow", 15.0), 0.03);
 }

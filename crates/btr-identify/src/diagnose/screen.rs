@@ -12,11 +12,14 @@ use btr_core::signal::ripple::orders;
 use std::cmp::Ordering::Equal;
 
 /// Probes of the first pass, and of the second one.
-const COARSE: ProbeSizes =
-    ProbeSizes { amplitudes: &[0.5], limits: &[0.15, 0.3, 0.6, 1.0, 1.7], compliances: &[0.02, 0.08, 0.15, 0.3, 0.6] };
+const COARSE: ProbeSizes = ProbeSizes {
+    amplitudes: &[0.5],
+    limits: &[0.04, 0.08, 0.15, 0.3, 0.6, 1.0, 1.7],
+    compliances: &[0.02, 0.08, 0.15, 0.3, 0.6],
+};
 const FINE: ProbeSizes = ProbeSizes {
     amplitudes: &[0.3, 1.5],
-    limits: &[0.12, 0.18, 0.27, 0.4, 0.6, 1.0, 1.5, 2.3],
+    limits: &[0.03, 0.05, 0.08, 0.12, 0.18, 0.27, 0.4, 0.6, 1.0, 1.5, 2.3],
     compliances: &[0.01, 0.03, 0.07, 0.12, 0.18, 0.27, 0.4, 0.6, 1.0],
 };
 /// Probes for candidates whose best amplitude lies beyond the range of the second pass: after a foot has lost contact,
