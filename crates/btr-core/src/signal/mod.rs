@@ -1,4 +1,5 @@
-//! Time series on a clock: noise floors, smoothing and derivatives, time shifts, spectra, ripples, and what is missing in them.
+//! Time series on a clock: noise floors, smoothing and derivatives, time shifts, spectra, ripples, and what is missing
+//! in them.
 
 pub mod fft;
 pub mod lag;

@@ -51,8 +51,8 @@ fn by_log(objective: &Objective, logs: LogSet, residual: Option<&ResidualVector>
     rows(objective, logs).into_iter().map(error).collect()
 }
 
-/// By what share of it the size of a candidate changes at most if one of the training logs is left out: one Gauss-Newton
-/// step from the fit to all logs. `None` with one log alone.
+/// By what share of it the size of a candidate changes at most if one of the training logs is left out: one
+/// Gauss-Newton step from the fit to all logs. `None` with one log alone.
 pub(super) fn leave_one_out_change(objective: &Objective, fit: &FitPoint, candidate: usize) -> Option<f64> {
     let (jacobian, logs) = (fit.jacobian.as_ref()?, rows(objective, LogSet::Learn));
     if logs.len() < 2 {

@@ -116,9 +116,9 @@ fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
 }
 
 /// The same from the differences between clusters of the residual: the covariance is H⁻¹·M·H⁻¹, with M the sum of the
-/// outer products of each cluster's gradient (K.-Y. Liang and S. L. Zeger, "Longitudinal data analysis using generalized
-/// linear models", Biometrika 73, 1986). What the model does not describe pulls a parameter one way in one part of the
-/// logs and another way in the next. `None` with too few clusters.
+/// outer products of each cluster's gradient (K.-Y. Liang and S. L. Zeger, "Longitudinal data analysis using
+/// generalized linear models", Biometrika 73, 1986). What the model does not describe pulls a parameter one way in one
+/// part of the logs and another way in the next. `None` with too few clusters.
 fn by_clusters(description: &ModelDescription, fit: &FitPoint) -> Option<Vec<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
     let mut clusters = clusters(description);

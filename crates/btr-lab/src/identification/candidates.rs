@@ -70,6 +70,7 @@ impl IdentificationProblem {
         if starts.is_empty() {
             starts.push(vec![0.0; shapes.len()]);
         }
+        // A shape of this name is the order of a ripple in the joint's position.
         let order = spec.params.iter().filter(|param| param.shape).position(|param| param.name == "order");
         let ripple = order.map(|shape| Ripple { shape, channel: format!("q_{site}") });
         self.near.push(self.limb_of(&site));
