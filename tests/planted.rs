@@ -1,4 +1,5 @@
 //! The desk arm with logs of a robot in which something is planted: what a diagnosis should find is known.
+#![allow(clippy::expect_used, reason = "for tests alone")]
 
 use btr_core::log::{Log, Role};
 use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
