@@ -82,7 +82,8 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
     println!("\n{}\n", common::table(&report.error_ladder).render());
     println!("{}", sentence(report));
     if report.cut_short {
-        println!("stopped before the search had finished: this is the best so far; --max-rollouts N searches longer");
+        println!("stopped before the search had finished: this is the best so far");
+        println!("--max-rollouts and --max-time set how long it searches");
     }
     report.shows_noise().iter().for_each(|sentence| println!("{sentence}"));
     report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));

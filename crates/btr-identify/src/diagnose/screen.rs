@@ -95,7 +95,8 @@ fn starts(objective: &Objective, candidate: usize, log: usize, residual: &[f64])
     let Some(ripple) = &candidate.ripple else { return starts };
     let channel = objective.description.logs[log].channels.iter().find(|channel| channel.name == ripple.channel);
     let Some(rows) = channel.map(|channel| channel.samples.clone()) else { return starts };
-    let Some(position) = objective.description.measured[log].get(rows.clone()) else { return starts };
+    let measured = objective.description.measured.get(log);
+    let Some(position) = measured.and_then(|values| values.get(rows.clone())) else { return starts };
     let order = &objective.parameters()[candidate.shapes[ripple.shape]];
     for seen in orders(position, &residual[rows], ORDERS) {
         let mut with_order = candidate.starts.clone();

@@ -159,9 +159,9 @@ impl DiagnosisState {
         race(objective, &bases, &starts, None).into_iter().next()
     }
 
-    /// Replaces effects by a similar one with fewer parameters that explains as much, now that others are
-    /// known, unless the held-out logs contradict it: the earlier one may have needed its extra parameters to
-    /// compensate for the others.
+    /// Replaces each of these effects by a similar one with fewer parameters that explains as much, now that other
+    /// effects or starts are known, unless the held-out logs contradict it: it may have needed its extra parameters to
+    /// compensate for them.
     pub(super) fn simplify(&mut self, objective: &Objective, which: Range<usize>) {
         let candidates = objective.candidates();
         for index in which {

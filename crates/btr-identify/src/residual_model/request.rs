@@ -44,7 +44,7 @@ pub enum Derivation {
     /// The starts of some logs, and of those that begin with them, are moved.
     WithInitialState(Vec<MovedStart>),
     /// Logs are cut into short windows that begin in the measured state, so that an error does not grow over the log:
-    /// around a motion that has run off from the measured one, no probe shows the way back. Not available where the
-    /// logs are cut into windows anyway, or where motion is prescribed.
+    /// around a motion that has run off from the measured one, no probe shows the way back. Available for robots on a
+    /// fixed base that touch nothing and none of whose joints follows a prescribed motion.
     InWindows,
 }

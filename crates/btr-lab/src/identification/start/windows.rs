@@ -11,11 +11,13 @@ use btr_core::world::WorldError;
 use btr_physics::effects::PlacedEffect;
 use btr_physics::engine::{Dynamics, RobotState};
 use btr_physics::model::{Model, ModelRequest, Scenario};
+use btr_physics::robot::Base;
 use btr_physics::rollout::restart::Restart;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use std::ops::Range;
 
-/// Length of a window in s and fewest samples of one; all windows of a log are about equally long.
+/// Length of a window in s; all windows of a log are about equally long. On a fixed base also the fewest samples of
+/// one: two numbers per joint are free at its beginning.
 const WINDOW_S: f64 = 0.4;
 const SAMPLES: f64 = 20.0;
 /// Time in which the observer converges at the log's beginning, in s.
@@ -50,7 +52,8 @@ pub(crate) fn cut(
 ) -> Result<Windows, WorldError> {
     let clock = log.clock_s();
     let tick_s = log.duration_s() / (clock.len() - 1).max(1) as f64;
-    let count = ((log.duration_s() - SETTLE_S) / WINDOW_S.max(SAMPLES * tick_s)).round().max(0.0) as usize;
+    let least_s = if model.robot.base == Base::Fixed { SAMPLES * tick_s } else { 0.0 };
+    let count = ((log.duration_s() - SETTLE_S) / WINDOW_S.max(least_s)).round().max(0.0) as usize;
     let length_s = (log.duration_s() - SETTLE_S) / count.max(1) as f64;
     let starts_s: Vec<f64> = (0..count).map(|k| SETTLE_S + length_s * k as f64).collect();
     let restarts = observe(model, s, effects, situation, log, &starts_s)?;

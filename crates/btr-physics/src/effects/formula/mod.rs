@@ -29,8 +29,9 @@ pub static FORMULA: EffectSpec = EffectSpec {
     symptom: "as its law says, beside the motor's torque, or in place of a command or a reading (cmd + ..., q + \
               ...); it knows q, dq, ddq (of the last step), cmd, tau (of the motor, last step), t; on a torque or a \
               command also q_parent, dq_parent, tau_parent (of the nearest movable joint towards the base) and \
-              q_child, dq_child, tau_child (of the first one further out); its parameters, numbers (0.1, 1e-3, pi), + - * / ^ (or **) ( ), abs sign min max sqrt exp ln (or log) \
-              log10 sin cos tan asin acos atan atan2 sinh cosh tanh floor ceil round trunc",
+              q_child, dq_child, tau_child (of the first one further out); its parameters, numbers (0.1, 1e-3, pi), \
+              + - * / ^ (or **) ( ), abs sign min max sqrt exp ln (or log) log10 sin cos tan \
+              asin acos atan atan2 sinh cosh tanh floor ceil round trunc",
     params: &[],
     starts: &[],
     similar: &[],
