@@ -98,9 +98,30 @@ fn regularised_friction_is_dry_friction() {
     let names = names(&problem, &diagnosis);
     let first = ["coulomb_friction@elbow", "presliding_friction@elbow"].contains(&names[0].as_str());
     let errors = diagnosis.ladder.last().unwrap();
-    assert!(first && names.len() == 1, "{names:?} {errors:?}");
+    assert!(first && names[1..].iter().all(|name| name == "friction_creep@elbow"), "{names:?} {errors:?}");
     let torque = estimate(&diagnosis, &names[0].replace('@', ".torque@"));
     assert!((torque / 0.2 - 1.0).abs() < 0.05, "{torque}");
+}
+
+/// Dry friction as MuJoCo has it is told as dry friction and how it gives way, not as contacts that bend.
+#[test]
+fn creeping_friction_is_dry_friction_that_creeps() {
+    let planted = vec![effect("coulomb_friction", "elbow", &[0.2]), effect("friction_creep", "elbow", &[0.1, 0.0095])];
+    let (problem, diagnosis) = diagnosed(desk_arm(), planted);
+    assert_eq!(names(&problem, &diagnosis), ["coulomb_friction@elbow", "friction_creep@elbow"]);
+    assert_eq!(diagnosis.verdict, Verdict::EffectMissing);
+    let all = diagnosis.effects.iter().flat_map(|found| &found.parameters);
+    for (estimate, truth) in all.zip([0.2, 0.1, 0.0095]) {
+        let [low, high] = estimate.ci95.unwrap();
+        assert!(0.0 < low && (low..=high).contains(&truth) && high < 2.0 * truth, "{}: {low} to {high}", estimate.name);
+    }
+}
+
+/// Contacts that bend before they slide need no creep.
+#[test]
+fn presliding_stays_presliding() {
+    let found = diagnosed(desk_arm(), vec![effect("presliding_friction", "elbow", &[0.2, 15.0])]);
+    assert_missing(&found, "presliding_friction@elbow", ("presliding_friction.torque@elbow", 0.2), 0.02);
 }
 
 /// A motor's ripple is faster than any that is tried beforehand.

@@ -12,7 +12,7 @@ import numpy as np
 from . import sizes
 from .commands import KINDS, episode
 from .robots import Axis, Random, Robot, Told, Vector, between, generate, known_rotors, loads, scaled, sign
-from .simulation import Episode, Hidden, Numerics, Sensors, record, simulate, true_readings
+from .simulation import Episode, Hidden, Numerics, Sensors, record, simulate, softness, true_readings
 
 # One kind for each seed, round and round; see `plan`.
 CYCLE = ("one", "one", "none", "one", "constants", "one", "one", "outside", "one", "two")
@@ -353,7 +353,8 @@ def write(case: Case, folder: Path) -> Files:
     model = case.told.write(folder, "model")
     truth = None
     if all(h.effect in sizes.EFFECTS and h.effect != "payload_at_end" for h in case.hidden):
-        inline = [inline_effect(h) for h in case.hidden]
+        soft = softness(case.robot, case.hidden, case.numerics, case.carried)
+        inline = [inline_effect(h) for h in case.hidden + soft]
         rotors = known_rotors(case.robot)
         truth = Told(case.robot, {}, rotors + inline, case.told.noise, case.told.simulation).write(folder, "truth")
     paths: dict[str, list[Path]] = {"learn": [], "held_out": []}

@@ -154,6 +154,26 @@ def change_hinge(joint: ET.Element, name: str, here: Here) -> None:
                 joint.set("springref", number(values["rest"]))
 
 
+# Laws that MuJoCo's soft dry friction carries.
+DRY = {
+    "coulomb_friction", "stribeck_friction", "asymmetric_friction", "load_dependent_friction", "posture_friction",
+}  # fmt: skip
+
+
+def softness(robot: Robot, hidden: list[Hidden], numerics: Numerics, carried: Vector) -> list[Hidden]:
+    """How MuJoCo's dry friction gives way, as btr's friction_creep: friction f with a + b·v = -R·f, where R is a share
+    of the joint's inverse inertia (MuJoCo's documentation, Computation: Parameters)."""
+    model = plant(robot, hidden, numerics, carried)
+    found = []
+    for site in dict.fromkeys(h.site for h in hidden if h.effect in DRY):
+        dof = int(model.joint(site).dofadr[0])
+        impedance, most = model.dof_solimp[dof][:2]
+        time_s = 0.5 * most * model.dof_solref[dof][0]
+        creep = time_s * (1.0 - impedance) / impedance * model.dof_invweight0[dof]
+        found.append(Hidden("friction_creep", site, {"creep": float(creep), "time_constant": float(time_s)}))
+    return found
+
+
 def split(body: ET.Element, joint: ET.Element, index: int, values: dict[str, float], carried: float) -> None:
     """Puts a second hinge between the rotor and the link: with a spring, or loose between two stops."""
     if float(joint.get("armature", "0")) <= 0.0:

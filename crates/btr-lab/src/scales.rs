@@ -113,6 +113,7 @@ impl RobotScales {
             "N·m·s/rad" => torque / speed,
             "N·m·s²/rad²" | "N·m·s^2/rad^2" => torque / (speed * speed),
             "1/(N·m)" => 1.0 / torque,
+            "rad/(s·N·m)" => DESK.inertia / scale.inertia,
             "1/J" => 1.0 / (torque * speed),
             "rad/s" => speed,
             "kg·m²" | "kg·m^2" => scale.inertia / DESK.inertia,

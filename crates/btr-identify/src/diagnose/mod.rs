@@ -5,6 +5,7 @@
 //! again where others make them superfluous. The answer may be that nothing is missing, or that nothing known explains
 //! the error.
 
+mod companion;
 mod evidence;
 mod judge;
 mod linear;
@@ -25,6 +26,8 @@ use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, NOISE};
 use crate::fit::{FitPoint, Intervals, Objective, RESTARTS, SearchBudget, estimates};
 use btr_core::world::{Cancelled, WorldError};
+use companion::{companion, exchange};
+use refit::Rival;
 use residual_law::residual_law;
 use round::{SecondLooks, round};
 use state::DiagnosisState;
@@ -91,7 +94,7 @@ fn go_on(
     on_step: &dyn Fn(&LadderStep),
 ) -> Diagnosis {
     let mut cut_short = false;
-    while state.chosen.len() < question.max_effects && state.leaves_something(objective, &state.fit) {
+    while state.effects(objective) < question.max_effects && state.leaves_something(objective, &state.fit) {
         let next = objective.rollouts().saturating_add(screen::rollouts(objective));
         cut_short = !question.allows(SEARCH, next) || objective.is_stopped();
         if cut_short {
@@ -112,11 +115,11 @@ fn go_on(
         };
         // An accepted effect is finished: stopped halfway, it would be neither fitted nor judged.
         objective.set_stoppable(false);
-        state.accept(objective, rival, found, on_step);
-        state.eliminate(objective);
-        // The latest effect has just been compared with the simpler ones.
-        let earlier = 0..state.chosen.len().saturating_sub(1);
-        state.simplify(objective, earlier);
+        add(objective, &mut state, rival, found, on_step);
+        exchange(objective, &mut state, on_step);
+        while let Some((rival, found)) = companion(objective, &mut state) {
+            add(objective, &mut state, rival, found, on_step);
+        }
         objective.set_stoppable(true);
         let contact = objective.description.has_contact;
         if state.leaves_something(objective, &state.fit) || (!contact && state.fails_on_held_out(objective)) {
@@ -125,6 +128,21 @@ fn go_on(
         }
     }
     Diagnosis { cut_short, ..conclude(objective, question, state) }
+}
+
+/// Adds an effect to the findings, and drops or replaces earlier ones by simpler ones where it makes them superfluous.
+fn add(
+    objective: &mut Objective,
+    state: &mut DiagnosisState,
+    rival: Rival,
+    found: MissingEffect,
+    on_step: &dyn Fn(&LadderStep),
+) {
+    state.accept(objective, rival, found, on_step);
+    state.eliminate(objective);
+    // The latest effect has just been compared with the simpler ones.
+    let earlier = 0..state.chosen.len().saturating_sub(1);
+    state.simplify(objective, earlier);
 }
 
 /// Fits the model's free parameters without any effect.

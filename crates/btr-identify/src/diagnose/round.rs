@@ -54,8 +54,7 @@ pub(super) fn round(
     state: &mut DiagnosisState,
     second_looks: &mut SecondLooks,
 ) -> Option<(Rival, MissingEffect)> {
-    let chosen = |candidate: &usize| state.chosen.iter().any(|found| found.candidate == *candidate);
-    let offered: Vec<usize> = (0..objective.candidates().len()).filter(|candidate| !chosen(candidate)).collect();
+    let offered = state.offered(objective);
     let (mut rivals, mut starts) = from_short_parts(objective, state, &Derivation::Beginnings, &offered);
     rivals = best_of_each(rivals);
     if rivals.first().is_none_or(|leader| state.leaves_something(objective, &leader.fit)) {

@@ -36,6 +36,22 @@ pub(super) struct DiagnosisState {
 }
 
 impl DiagnosisState {
+    /// The candidates that may be found next.
+    pub(super) fn offered(&self, objective: &Objective) -> Vec<usize> {
+        let chosen = |candidate: &usize| self.chosen.iter().any(|found| found.candidate == *candidate);
+        let acts = |needs: &Option<Vec<usize>>| needs.as_ref().is_none_or(|needs| needs.iter().any(chosen));
+        let candidates = objective.candidates().iter().enumerate();
+        candidates
+            .filter(|(index, candidate)| !chosen(index) && acts(&candidate.needs))
+            .map(|(index, _)| index)
+            .collect()
+    }
+
+    /// Number of effects found, companions left out.
+    pub(super) fn effects(&self, objective: &Objective) -> usize {
+        self.chosen.iter().filter(|found| objective.candidates()[found.candidate].needs.is_none()).count()
+    }
+
     /// Makes the winner the new base.
     pub(super) fn accept(
         &mut self,
@@ -153,7 +169,7 @@ impl DiagnosisState {
     }
 
     /// The best of some candidates in the place of some of the chosen.
-    fn replaced(&self, objective: &Objective, indices: &[usize], candidates: &[usize]) -> Option<Rival> {
+    pub(super) fn replaced(&self, objective: &Objective, indices: &[usize], candidates: &[usize]) -> Option<Rival> {
         let mut bases = vec![self.less(objective, indices)?];
         let starts = screen(objective, &mut bases, candidates);
         race(objective, &bases, &starts, None).into_iter().next()

@@ -40,6 +40,9 @@ pub struct EffectCandidate {
     pub similar: Vec<usize>,
     /// Those of them that it equals at some values of its parameters.
     pub nested: Vec<usize>,
+    /// Candidates of which one must have been found before: it only changes how they act. `None` where it acts by
+    /// itself.
+    pub needs: Option<Vec<usize>>,
 }
 
 impl EffectCandidate {

@@ -3,12 +3,12 @@
 use super::catalogue::law_terms;
 use super::catalogue::law_terms::{TermContext, TermDefinition};
 use super::catalogue::parameters::{model_value, parameter};
-use super::catalogue::sites::sites;
+use super::catalogue::sites::{has_dry_friction, sites};
 use super::catalogue::values::{Catalogue, StatedValue, similar_to_value};
 use super::problem::{Change, IdentificationProblem};
 use btr_core::world::WorldError;
 use btr_identify::residual_model::{CandidateKind, EffectCandidate, LawTerm, Ripple};
-use btr_physics::effects::{EFFECTS, Effect};
+use btr_physics::effects::{DryFriction, EFFECTS, Effect};
 use btr_physics::robot::{Actuator, Base};
 
 impl IdentificationProblem {
@@ -27,6 +27,23 @@ impl IdentificationProblem {
         }
         self.offer_values(parts, without);
         self.link_similar();
+        self.link_dry_friction();
+    }
+
+    /// What changes dry friction needs an effect that adds some, unless the joint has some already.
+    fn link_dry_friction(&mut self) {
+        let relation = |change: &Change| match change {
+            Change::Effect(effect) => effect.dry_friction(),
+            Change::Values(_) => DryFriction::Unrelated,
+        };
+        let all = 0..self.candidates.len();
+        for changes in all.clone().filter(|&c| relation(&self.changes[c]) == DryFriction::Changes) {
+            let site = &self.candidates[changes].site;
+            let adds =
+                |c: &usize| relation(&self.changes[*c]) == DryFriction::Adds && self.candidates[*c].site == *site;
+            let needs = (!has_dry_friction(&self.model, site)).then(|| all.clone().filter(adds).collect());
+            self.candidates[changes].needs = needs;
+        }
     }
 
     fn offer_values(&mut self, values: Vec<StatedValue>, without: &[&str]) {
@@ -49,6 +66,7 @@ impl IdentificationProblem {
             ripple: None,
             similar: Vec::new(),
             nested: Vec::new(),
+            needs: None,
         });
         self.changes.push(Change::Values(targets));
     }
@@ -86,6 +104,7 @@ impl IdentificationProblem {
             ripple,
             similar,
             nested,
+            needs: None,
         });
         self.changes.push(Change::Effect(effect));
     }
@@ -172,9 +191,9 @@ impl IdentificationProblem {
         let (name, site) = (effect.spec().name.to_owned(), joint.to_owned());
         let (similar, nested) = (Vec::new(), Vec::new());
         let kind = CandidateKind::Effect;
-        let ripple = None;
+        let (ripple, needs) = (None, None);
         let candidate =
-            EffectCandidate { kind, effect: name, site, amplitudes, shapes, starts, ripple, similar, nested };
+            EffectCandidate { kind, effect: name, site, amplitudes, shapes, starts, ripple, similar, nested, needs };
         let swings = term.swings.map(|i| first + i);
         self.features.push(LawTerm { on: format!("{:?}", term.on).to_lowercase(), term: candidate, swings });
         self.terms.push((term, effect));

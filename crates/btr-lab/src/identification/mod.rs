@@ -15,7 +15,7 @@ mod residuals;
 mod simulated;
 mod start;
 
-pub(crate) use catalogue::sites::sites;
+pub(crate) use catalogue::sites::{has_dry_friction, sites};
 pub use input::{Doubt, NoiseFloor, VerbInput, doubts};
 pub use problem::IdentificationProblem;
 pub use problem_error::ProblemError;

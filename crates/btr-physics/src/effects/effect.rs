@@ -31,6 +31,17 @@ impl SiteKind {
     }
 }
 
+/// What an effect has to do with the dry friction of its joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DryFriction {
+    /// Nothing.
+    Unrelated,
+    /// It adds some.
+    Adds,
+    /// It changes how that of others acts, and does nothing where there is none.
+    Changes,
+}
+
 /// A parameter of an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Param {
@@ -111,6 +122,10 @@ pub trait Effect: Sync {
     /// Whether a cause outside the joints (a bus, a supply, firmware) may give it to all of them at once.
     fn is_common(&self) -> bool {
         false
+    }
+    /// What it has to do with the dry friction of its joint.
+    fn dry_friction(&self) -> DryFriction {
+        DryFriction::Unrelated
     }
     /// The quantities of neighbouring joints that it uses.
     fn neighbours(&self) -> &[NeighbourQuantity] {

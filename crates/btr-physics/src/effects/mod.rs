@@ -6,7 +6,7 @@ mod formula;
 mod readings;
 mod rotor;
 
-pub use effect::{Effect, EffectSpec, MissingNeighbour, Param, PlacedEffect, SiteKind};
+pub use effect::{DryFriction, Effect, EffectSpec, MissingNeighbour, Param, PlacedEffect, SiteKind};
 pub use formula::error::FormulaError;
 pub use formula::law::{LawFunction, LawInputs, Laws};
 pub use formula::{FORMULA, FormulaTarget, formula, formula_or_function};
@@ -34,6 +34,7 @@ effects! {
         asymmetric_friction::AsymmetricFriction,
         presliding_friction::PreslidingFriction,
         load_dependent_friction::LoadDependentFriction,
+        friction_creep::FrictionCreep,
         quadratic_drag::QuadraticDrag,
     }
     joint {

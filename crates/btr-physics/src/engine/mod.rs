@@ -62,6 +62,26 @@ pub struct Bounded {
     pub lower: Affine,
 }
 
+/// How a joint gives way where dry friction holds it: dq + time·d(dq)/dt = -rate·torque, with friction's torque.
+/// Constant during a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Creep {
+    /// Velocity per torque held, in rad/(s·N·m) (m/(s·N)); 0 where the joint is held rigidly.
+    pub rate: f64,
+    /// Time constant in which that velocity is reached, in s.
+    pub time_s: f64,
+}
+
+impl Creep {
+    /// Friction's torque at a velocity and an acceleration, where it is at most `limit`.
+    pub fn torque(&self, dq: f64, acceleration: f64, limit: f64) -> f64 {
+        let driven = dq + self.time_s * acceleration;
+        let rigid = if driven == 0.0 { 0.0 } else { f64::INFINITY.copysign(driven) };
+        let held = if self.rate > 0.0 { driven / self.rate } else { rigid };
+        -held.min(limit).max(-limit)
+    }
+}
+
 /// Joint-level forces on one joint during one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Dof {
@@ -71,6 +91,8 @@ pub struct Dof {
     pub motor: Option<Bounded>,
     /// Coulomb friction that holds at rest, in N·m (N).
     pub dry_friction: f64,
+    /// How dry friction gives way to the torque that it holds.
+    pub creep: Creep,
     /// Rotor inertia seen at the joint, in kg·m² (kg).
     pub armature: f64,
     /// The joint's motion over the coming step, if it is prescribed.

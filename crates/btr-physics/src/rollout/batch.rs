@@ -106,6 +106,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::drive::{Drive, NaoWalk};
+    use crate::effects::{PlacedEffect, find};
     use crate::presets::ant;
     use crate::presets::nao::nao;
     use crate::robot::Base;
@@ -113,12 +114,14 @@ mod tests {
     use crate::setup::Ball;
     use nalgebra::{Point3, Vector3};
 
-    /// A robot, its setup and its drive.
-    type Scene = (Robot, Setup, Box<dyn Drive>);
+    /// A robot, its setup, its drive and its effects.
+    type Scene = (Robot, Setup, Box<dyn Drive>, Vec<PlacedEffect>);
 
     const CANDIDATES: usize = 8;
     /// The candidate that diverges.
     const DIVERGING: usize = 4;
+    /// A candidate with dry friction.
+    const CREEPING: usize = 7;
 
     fn scene(name: &str) -> Scene {
         let setup = Setup { dt_s: 0.002, duration_s: 0.6, control_s: 0.055, interpolate: true, ..Setup::default() };
@@ -131,22 +134,22 @@ mod tests {
             rolling_damping_per_s: 0.5,
         };
         match name {
-            "ant" => (ant::ant(), setup, Box::new(ant::tripod())),
+            "ant" => (ant::ant(), setup, Box::new(ant::tripod()), Vec::new()),
             "bolted" => {
                 let robot = Robot { base: Base::Fixed, ..ant::ant() };
-                (robot, Setup { ground: None, ..setup }, Box::new(ant::tripod()))
+                (robot, Setup { ground: None, ..setup }, Box::new(ant::tripod()), Vec::new())
             }
             _ => {
                 let walk = NaoWalk::new(&nao(), &NaoWalk::space().unwrap().nominal(), setup.duration_s).unwrap();
                 let ball = (name == "nao with a ball").then_some(ball);
-                (nao(), Setup { ball, ..setup }, Box::new(walk))
+                (nao(), Setup { ball, ..setup }, Box::new(walk), Vec::new())
             }
         }
     }
 
-    /// Some fall over, some slide, some have dry friction and others do not, and one diverges.
+    /// Some fall over, some slide, some have dry friction, which creeps in one of them, and one diverges.
     fn candidate(name: &str, number: usize) -> Scene {
-        let (mut robot, mut setup, drive) = scene(name);
+        let (mut robot, mut setup, drive, mut effects) = scene(name);
         drive.place(&mut robot);
         let share = number as f64 / CANDIDATES as f64;
         for (i, link) in robot.links.iter_mut().enumerate() {
@@ -160,21 +163,28 @@ mod tests {
             ground.friction = 0.2 + 0.6 * share;
         }
         setup.gravity_m_s2 = Vector3::new(3.0 * share, 0.0, -9.81);
-        (robot, setup, drive)
+        if number == CREEPING {
+            let creep = find("friction_creep").unwrap();
+            effects.push(PlacedEffect { effect: creep, site: "*".to_owned(), values: vec![2.0, 0.01] });
+        }
+        (robot, setup, drive, effects)
     }
 
-    fn run((robot, setup, drive): &Scene) -> PreparedRollout<'_> {
-        PreparedRollout::new(RolloutRequest::new(robot, &**drive).setup(setup)).unwrap()
+    fn request((robot, setup, drive, effects): &Scene) -> RolloutRequest<'_> {
+        RolloutRequest::new(robot, &**drive).setup(setup).effects(effects)
+    }
+
+    fn run(scene: &Scene) -> PreparedRollout<'_> {
+        PreparedRollout::new(request(scene)).unwrap()
     }
 
     #[test]
     fn batched_rollouts_equal_single_ones_bit_by_bit() {
         for name in ["ant", "nao", "nao with a ball", "bolted"] {
             let scenes: Vec<Scene> = (0..CANDIDATES).map(|number| candidate(name, number)).collect();
-            let log = |(robot, setup, drive): &Scene| simulate(RolloutRequest::new(robot, &**drive).setup(setup));
-            let single: Vec<Result<Log, WorldError>> = scenes.iter().map(log).collect();
+            let single: Vec<Result<Log, WorldError>> = scenes.iter().map(|scene| simulate(request(scene))).collect();
             assert!(single.iter().enumerate().all(|(i, log)| log.is_err() == (i == DIVERGING)), "{name}");
-            let worlds: Vec<(&Robot, &Setup)> = scenes.iter().map(|(robot, setup, _)| (robot, setup)).collect();
+            let worlds: Vec<(&Robot, &Setup)> = scenes.iter().map(|(robot, setup, ..)| (robot, setup)).collect();
             for arch in articulated::widths() {
                 let lanes = articulated::width(arch);
                 let few = |from: usize| from..(from + lanes).min(CANDIDATES);
@@ -192,8 +202,8 @@ mod tests {
     fn logs_of_different_robots_keep_their_order() {
         let scenes: Vec<Scene> = ["ant", "ant", "nao", "bolted", "ant"].into_iter().map(scene).collect();
         let logs = simulate_all(scenes.iter().map(|scene| Ok(run(scene))).collect());
-        for ((robot, setup, drive), log) in scenes.iter().zip(logs) {
-            assert_eq!(log, simulate(RolloutRequest::new(robot, &**drive).setup(setup)));
+        for (scene, log) in scenes.iter().zip(logs) {
+            assert_eq!(log, simulate(request(scene)));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Steps done once per rollout: checks, effects on the robot and the world, effects on sensor readings.
 
-use crate::effects::{PlacedEffect, SiteKind};
+use crate::effects::{DryFriction, PlacedEffect, SiteKind};
 use crate::engine::Dynamics;
 use crate::robot::Robot;
 use crate::setup::{EngineName, Setup, setup_error};
@@ -37,6 +37,18 @@ pub(super) fn check_linkages(robot: &Robot, setup: &Setup) -> Result<(), WorldEr
         }
     }
     Ok(())
+}
+
+/// Checks that the engine supports the effects.
+pub(super) fn check_effects(effects: &[PlacedEffect], setup: &Setup) -> Result<(), WorldError> {
+    let creeps = |placed: &&PlacedEffect| placed.effect.dry_friction() == DryFriction::Changes;
+    match effects.iter().find(creeps).filter(|_| setup.engine == EngineName::Rapier) {
+        Some(placed) => Err(setup_error(format!(
+            "{} is for the default engine: the reference engine holds joints rigidly; leave out engine = \"rapier\"",
+            placed.effect.spec().name
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// Applies the effects on sensors to the log.

@@ -1,7 +1,7 @@
 //! One rollout: from its request to its log, step by step.
 
 use super::control::Control;
-use super::prepare::{apply_static_effects, check, check_linkages, check_sampling, sense};
+use super::prepare::{apply_static_effects, check, check_effects, check_linkages, check_sampling, sense};
 use super::record::Recorder;
 use super::request::{RolloutRequest, StateHook};
 use crate::effects;
@@ -45,6 +45,7 @@ impl<'a> PreparedRollout<'a> {
         let control = Control::new(&robot, &effects, &setup, drive)?;
         check_sampling(&robot, &setup)?;
         check_linkages(&robot, &setup)?;
+        check_effects(&effects, &setup)?;
         let recorder = Recorder::new(&robot, &setup, samples);
         let rest_steps = (setup.rest_s / setup.dt_s).round() as usize;
         Ok(PreparedRollout {

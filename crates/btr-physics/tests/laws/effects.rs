@@ -4,7 +4,7 @@ use crate::scene::arm;
 use btr_core::log::Log;
 use btr_core::random::stream;
 use btr_physics::drive::Drive;
-use btr_physics::effects::{EFFECTS, Effect, EffectSpec, PlacedEffect, SiteKind, find};
+use btr_physics::effects::{DryFriction, EFFECTS, Effect, EffectSpec, PlacedEffect, SiteKind, find};
 use btr_physics::presets::ant;
 use btr_physics::robot::Robot;
 use btr_physics::rollout::{RolloutRequest, simulate};
@@ -24,17 +24,21 @@ impl Drive for Exercise {
     }
 }
 
-/// Runs an effect: effects on the floor or the base on a walking ant, all others on a fixed arm.
+/// Runs an effect: effects on the floor or the base on a walking ant, all others on a fixed arm; beside dry friction
+/// where it changes that.
 fn run(effect: &dyn Effect, effects: &[PlacedEffect], duration_s: f64) -> Log {
+    let friction = find("coulomb_friction").filter(|_| effect.dry_friction() == DryFriction::Changes);
+    let beside = friction.map(|effect| PlacedEffect { effect, site: "*".to_owned(), values: vec![0.3] });
+    let effects: Vec<PlacedEffect> = beside.into_iter().chain(effects.iter().cloned()).collect();
     match effect.spec().site {
         SiteKind::Ground | SiteKind::Base => {
             let sensors = Sensors { velocities: true, torques: true, imu: true, feet: true };
             let setup = Setup { dt_s: 0.002, control_s: 0.01, duration_s, sensors, ..Setup::default() };
-            logged(&ant::ant(), effects, &setup, &ant::tripod())
+            logged(&ant::ant(), &effects, &setup, &ant::tripod())
         }
         SiteKind::Joint | SiteKind::Link | SiteKind::Robot => {
             let setup = Setup { dt_s: 0.001, control_s: 0.002, duration_s, ground: None, ..Setup::default() };
-            logged(&arm(), effects, &setup, &Exercise)
+            logged(&arm(), &effects, &setup, &Exercise)
         }
     }
 }

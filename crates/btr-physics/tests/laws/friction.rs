@@ -5,7 +5,8 @@ use btr_core::log::Log;
 use btr_physics::effects::PlacedEffect;
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::{Actuator, Robot};
-use btr_physics::setup::Setup;
+use btr_physics::rollout::{RolloutRequest, simulate};
+use btr_physics::setup::{EngineName, Setup};
 
 /// kg·m².
 const INERTIA: f64 = 1.3 * 0.49;
@@ -23,10 +24,10 @@ fn coast(effect: PlacedEffect, speed: f64) -> Log {
 }
 
 /// A pendulum without gravity that a constant torque drives.
-fn pushed(effect: PlacedEffect, torque: f64, duration_s: f64) -> Log {
+fn pushed(effects: &[PlacedEffect], torque: f64, duration_s: f64) -> Log {
     let mut robot = hanging(0.0);
     robot.links[1].joint.actuator = Actuator::Torque { max_torque: f64::INFINITY };
-    run_with(&robot, &[effect], &fast_weightless(0.0005, duration_s), &hold(torque))
+    run_with(&robot, effects, &fast_weightless(0.0005, duration_s), &hold(torque))
 }
 
 #[test]
@@ -56,13 +57,13 @@ fn asymmetric_friction_brakes_each_direction_with_its_own_torque_and_holds() {
     assert!(last(&coast(friction(0.5), 3.0), "dq_hinge") < forward - 0.1, "viscous only forward");
     assert!((last(&coast(friction(0.5), -3.0), "dq_hinge") - backward).abs() < 1e-9);
     assert!(last(&coast(friction(0.0), 0.0), "q_hinge").abs() < 1e-12, "it must not start by itself");
-    let stands = |torque: f64| last(&pushed(friction(0.0), torque, 0.5), "q_hinge").abs() < 1e-12;
+    let stands = |torque: f64| last(&pushed(&[friction(0.0)], torque, 0.5), "q_hinge").abs() < 1e-12;
     assert!(stands(0.99) && !stands(1.01) && stands(-0.39) && !stands(-0.41));
 }
 
 #[test]
 fn load_dependent_friction_takes_its_share_of_the_torque() {
-    let speed = last(&pushed(placed("load_dependent_friction", "hinge", &[0.25]), 2.0, 0.5), "dq_hinge");
+    let speed = last(&pushed(&[placed("load_dependent_friction", "hinge", &[0.25])], 2.0, 0.5), "dq_hinge");
     assert!((speed / (0.75 * 2.0 * 0.5 / INERTIA) - 1.0).abs() < 2e-3, "{speed} rad/s");
 }
 
@@ -96,7 +97,7 @@ fn cogging_deflects_a_servo_by_its_sine() {
 #[test]
 fn presliding_is_a_spring_until_the_contacts_slide() {
     let moved = |stiffness: f64, torque: f64| {
-        last(&pushed(placed("presliding_friction", "*", &[1.0, stiffness]), torque, 3.0), "q_hinge")
+        last(&pushed(&[placed("presliding_friction", "*", &[1.0, stiffness])], torque, 3.0), "q_hinge")
     };
     // Half the torque at which they slide bends the contacts by about torque/stiffness; as they swing, they ratchet on.
     for stiffness in [50.0, 500.0] {
@@ -113,4 +114,46 @@ fn a_static_torque_below_coulombs_is_coulombs() {
     let [below, equal] =
         [0.2, 1.0].map(|rest| last(&coast(placed("stribeck_friction", "hinge", &[1.0, rest, 0.5]), 1.0), "q_hinge"));
     assert_eq!(below.to_bits(), equal.to_bits());
+}
+
+/// What dry friction and its creep leave of a torque: the law's solution while friction holds.
+#[test]
+fn a_held_joint_creeps_by_its_law() {
+    let (creep, time_s, torque) = (0.02, 0.05, 0.6);
+    let effects = [placed("coulomb_friction", "hinge", &[1.0]), placed("friction_creep", "hinge", &[creep, time_s])];
+    let log = pushed(&effects, torque, 0.4);
+    // Friction takes up dq + time·ddq = creep·friction, and the inertia the rest: dq grows towards creep·torque.
+    let rate = (INERTIA + time_s / creep) * creep;
+    for (t, dq) in log.clock_s().iter().zip(log.values("dq_hinge").unwrap()) {
+        let expected = creep * torque * (1.0 - (-t / rate).exp());
+        assert!((dq - expected).abs() < 2e-6, "{t} s: {dq} rad/s, expected {expected}");
+    }
+}
+
+#[test]
+fn beyond_its_torque_creeping_friction_slides_as_any_other() {
+    let effects =
+        |creep: f64| [placed("coulomb_friction", "hinge", &[1.0]), placed("friction_creep", "hinge", &[creep, 0.0])];
+    let speed = |creep: f64| last(&pushed(&effects(creep), 2.0, 0.5), "dq_hinge");
+    let slides = 0.5 / INERTIA;
+    assert!((speed(1e-5) - slides).abs() < 1e-3, "{} rad/s", speed(1e-5));
+    // Without a time constant, friction grows with speed over a width of creep·torque.
+    assert!(speed(0.5) > slides + 0.1, "{} rad/s", speed(0.5));
+}
+
+#[test]
+fn creep_needs_dry_friction() {
+    let creep = placed("friction_creep", "hinge", &[0.5, 0.01]);
+    assert_eq!(pushed(&[creep], 0.6, 0.2), pushed(&[], 0.6, 0.2));
+}
+
+/// The reference engine cannot do it, and says so.
+#[test]
+fn the_reference_engine_refuses_creep() {
+    let effects = [placed("coulomb_friction", "hinge", &[1.0]), placed("friction_creep", "hinge", &[0.02, 0.05])];
+    let setup = Setup { engine: EngineName::Rapier, ..fast_weightless(0.001, 0.1) };
+    let (robot, drive) = (hanging(0.0), hold(0.0));
+    let request = RolloutRequest::new(&robot, &drive).setup(&setup).effects(&effects);
+    let error = simulate(request).unwrap_err().to_string();
+    assert!(error.contains("friction_creep") && error.contains("engine"), "{error}");
 }

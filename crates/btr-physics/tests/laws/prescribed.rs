@@ -53,6 +53,9 @@ fn friction_and_rotors_add_to_the_torque() {
         placed("armature", "hinge", &[0.2]),
     ];
     assert!(needed(&effects, 1, |_, dq, ddq| 0.4 * dq.signum() + 0.3 * dq + 0.2 * ddq) < 2e-3);
+    let creeping = [effects[0].clone(), placed("friction_creep", "hinge", &[5.0, 0.1])];
+    let held = |_, dq: f64, ddq: f64| ((dq + 0.1 * ddq) / 5.0).clamp(-0.4, 0.4);
+    assert!(needed(&creeping, 1, held) < 2e-3);
     let asymmetric = [placed("asymmetric_friction", "hinge", &[0.4, 0.1, 0.3, 0.2])];
     let law = |_, dq: f64, _| if dq > 0.0 { 0.4 + 0.3 * dq } else { -0.1 + 0.2 * dq };
     assert!(needed(&asymmetric, 1, law) < 2e-3);

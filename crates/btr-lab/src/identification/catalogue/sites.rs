@@ -1,20 +1,18 @@
 //! Sites of effects.
 
-use btr_physics::effects::{Effect, PlacedEffect, SiteKind};
+use btr_physics::effects::{DryFriction, Effect, PlacedEffect, SiteKind};
 use btr_physics::model::Model;
+use btr_physics::robot::site::matches;
 use btr_physics::robot::{JointKind, Robot};
 
 /// Sites at which an effect could act and is not yet present.
 pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
     let spec = effect.spec();
     let taken = |site: &str| {
-        let here = |placed: &&PlacedEffect| {
-            placed.effect.spec().name == spec.name && btr_physics::robot::site::matches(&placed.site, site)
-        };
+        let here = |placed: &&PlacedEffect| placed.effect.spec().name == spec.name && matches(&placed.site, site);
         let named = format!("{}.", spec.name);
         let free_parameter = model.simulations.dims().iter().any(|dim| {
-            dim.name.starts_with(&named)
-                && btr_physics::robot::site::matches(dim.name.split_once('@').map_or("*", |(_, at)| at), site)
+            dim.name.starts_with(&named) && matches(dim.name.split_once('@').map_or("*", |(_, at)| at), site)
         });
         free_parameter || model.effects.iter().find(here).is_some_and(|placed| !placed.is_off())
     };
@@ -33,6 +31,14 @@ pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
         SiteKind::Ground | SiteKind::Robot => vec!["*".to_owned()],
     };
     all.into_iter().filter(|site| !taken(site)).collect()
+}
+
+/// Whether a joint of the model has dry friction.
+pub(crate) fn has_dry_friction(model: &Model, joint: &str) -> bool {
+    let adds = |placed: &PlacedEffect| placed.effect.dry_friction() == DryFriction::Adds;
+    let here = |placed: &PlacedEffect| !placed.is_off() && matches(&placed.site, joint);
+    model.robot.links.iter().any(|link| link.joint.name == joint && link.joint.dry_friction > 0.0)
+        || model.effects.iter().any(|placed| adds(placed) && here(placed))
 }
 
 /// For each movable joint, the position channels of its limb: all joints that are connected to the root by the same

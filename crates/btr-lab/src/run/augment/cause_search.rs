@@ -4,7 +4,7 @@
 use super::explanation::{ExplanationCost, PresentExplanation, QuickEstimate};
 use super::extended::{Added, Extended};
 use crate::execution::ExecutionContext;
-use crate::identification::sites;
+use crate::identification::{has_dry_friction, sites};
 use crate::scales::RobotScales;
 use btr_core::coevolve::{Abduction, Cost, EstimateError, Estimated, Extension, Posterior};
 use btr_core::space::{Dim, Space};
@@ -12,8 +12,9 @@ use btr_core::world::{Cancelled, Simulator};
 use btr_identify::diagnose::{Evidence, MissingEffect};
 use btr_identify::fit::Estimate;
 use btr_identify::residual_model::CandidateKind;
-use btr_physics::effects::{EFFECTS, SiteKind};
+use btr_physics::effects::{DryFriction, EFFECTS, SiteKind};
 use btr_physics::model::Model;
+use btr_physics::robot::site::matches;
 use std::ops::Range;
 
 /// Most candidates estimated per round from each of the two base points in S.
@@ -173,7 +174,8 @@ impl<'a> CauseSearch<'a> {
         places.zip(known).map(number).collect()
     }
 
-    /// All candidates for the next addition: every effect at every site, and joint effects also on all joints at once.
+    /// All candidates for the next addition: every effect at every site where it has something to act on, and joint
+    /// effects also on all joints at once.
     fn offered(&self, added: &[Added]) -> Vec<Vec<Added>> {
         let mut offered = Vec::new();
         for effect in EFFECTS.iter().copied() {
@@ -181,7 +183,13 @@ impl<'a> CauseSearch<'a> {
             let all = (spec.site == SiteKind::Joint).then(|| "*".to_owned());
             for site in sites(effect, self.model).into_iter().chain(all) {
                 let next = Added { effect, site };
-                if !added.iter().any(|known| known.name() == next.name()) {
+                let rubs = |known: &Added| {
+                    known.effect.dry_friction() == DryFriction::Adds && matches(&known.site, &next.site)
+                };
+                let acts = effect.dry_friction() != DryFriction::Changes
+                    || has_dry_friction(self.model, &next.site)
+                    || added.iter().any(rubs);
+                if acts && !added.iter().any(|known| known.name() == next.name()) {
                     offered.push(added.iter().cloned().chain([next]).collect());
                 }
             }

@@ -3,7 +3,7 @@
 //! The transmitted torque is the motor's torque in the last step.
 
 use crate::actuation::JointInput;
-use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::effects::effect::{DryFriction, Effect, EffectSpec, Param, SiteKind};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct LoadDependentFriction;
@@ -24,6 +24,10 @@ static SPEC: EffectSpec = EffectSpec {
 impl Effect for LoadDependentFriction {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
+    }
+
+    fn dry_friction(&self) -> DryFriction {
+        DryFriction::Adds
     }
 
     fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {

@@ -4,7 +4,7 @@
 //! below the breakaway torque.
 
 use crate::actuation::JointInput;
-use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::effects::effect::{DryFriction, Effect, EffectSpec, Param, SiteKind};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct StribeckFriction;
@@ -28,6 +28,10 @@ static SPEC: EffectSpec = EffectSpec {
 impl Effect for StribeckFriction {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
+    }
+
+    fn dry_friction(&self) -> DryFriction {
+        DryFriction::Adds
     }
 
     fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {

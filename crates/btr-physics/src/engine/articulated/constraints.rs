@@ -2,7 +2,7 @@
 
 use super::contacts;
 use super::contacts::Reach;
-use super::impulses::ContactLaw;
+use super::impulses::{BoundedRow, ContactLaw};
 use super::linear_algebra::lanes::{Lanes, Mask};
 use super::state::{Articulated, Coupling, Floor};
 use pulp::Simd;
@@ -72,18 +72,22 @@ impl<S: Simd> Articulated<S> {
             let (lower, upper) = ((self.limits[i].0 - q) * per_s, (self.limits[i].1 - q) * per_s);
             let limit = self.inner[i].dry_friction * dt;
             if zero.less(limit).any() {
-                self.impulses.add_bounded(d, [zero, -limit, limit], &self.tree, &s.matrix, &s.next);
+                let [target, softness] = self.inner[i].held(self.now.u[d], dt);
+                let law = BoundedRow { target, softness, lower: -limit, upper: limit };
+                self.impulses.add_bounded(d, law, &self.tree, &s.matrix, &s.next);
             }
             let (below, above) = (s.next[d].less(lower), upper.less(s.next[d]));
             // The step must end at the limit, not halfway beyond it.
             s.implicitness[d] = below.or(above).select(one, s.implicitness[d]);
             if below.any() {
-                let bounds = [below.select(lower, zero), zero, below.select(unbounded, zero)];
-                self.impulses.add_bounded(d, bounds, &self.tree, &s.matrix, &s.next);
+                let (target, upper) = (below.select(lower, zero), below.select(unbounded, zero));
+                let law = BoundedRow { target, softness: zero, lower: zero, upper };
+                self.impulses.add_bounded(d, law, &self.tree, &s.matrix, &s.next);
             }
             if above.any() {
-                let bounds = [above.select(upper, zero), above.select(-unbounded, zero), zero];
-                self.impulses.add_bounded(d, bounds, &self.tree, &s.matrix, &s.next);
+                let (target, lower) = (above.select(upper, zero), above.select(-unbounded, zero));
+                let law = BoundedRow { target, softness: zero, lower, upper: zero };
+                self.impulses.add_bounded(d, law, &self.tree, &s.matrix, &s.next);
             }
         }
     }

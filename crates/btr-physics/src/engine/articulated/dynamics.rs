@@ -60,6 +60,11 @@ impl<S: Simd> Dynamics for Articulated<S> {
                 inner.damping.set(lane, dof.torque.damping);
             }
             inner.dry_friction.set(lane, dof.dry_friction);
+            // It never changes during a run, and storing into a lane is slow.
+            if dof.creep.rate > 0.0 {
+                inner.creep[0].set(lane, dof.creep.rate);
+                inner.creep[1].set(lane, dof.creep.time_s);
+            }
             inner.armature.set(lane, dof.armature);
             if dof.motor.is_some() || self.motors[joint].is_some() {
                 joint_forces::set(&mut self.motors[joint], inner, lane, dof);

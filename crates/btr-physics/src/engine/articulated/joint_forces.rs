@@ -11,7 +11,25 @@ pub(super) struct JointForces<S: Simd> {
     pub(super) stiffness: Lanes<S>,
     pub(super) damping: Lanes<S>,
     pub(super) dry_friction: Lanes<S>,
+    /// [`Creep`](crate::engine::Creep): its rate and its time constant.
+    pub(super) creep: [Lanes<S>; 2],
     pub(super) armature: Lanes<S>,
+}
+
+impl<S: Simd> JointForces<S> {
+    /// What dry friction aims at in a step from the velocity `u`: a velocity u' = target − softness·impulse. Both are
+    /// zero where it holds rigidly.
+    ///
+    /// [`Creep`](crate::engine::Creep)'s law over a step is time·(u' − u)/dt + h·u' + (1 − h)·u = −rate·impulse/dt. It
+    /// is solved for the step's middle (h = 1/2), or for its end where it would oscillate.
+    #[inline(always)]
+    pub(super) fn held(&self, u: Lanes<S>, dt_s: f64) -> [Lanes<S>; 2] {
+        let ([rate, time], zero) = (self.creep, u.like(0.0));
+        let implicitness = u.like(0.5 * dt_s).less_or_equal(time).select(u.like(0.5), u.like(1.0));
+        let spread = time + implicitness * dt_s;
+        let kept = (time - (u.like(1.0) - implicitness) * dt_s) / spread;
+        [zero.less(rate).select(u * kept, zero), rate / spread]
+    }
 }
 
 /// A motor with bounds. Candidates without bounds have infinite ones.

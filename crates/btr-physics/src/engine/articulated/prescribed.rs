@@ -4,6 +4,7 @@
 
 use super::linear_algebra::lanes::Lanes;
 use super::state::Articulated;
+use crate::engine::Creep;
 use pulp::Simd;
 
 impl<S: Simd> Articulated<S> {
@@ -70,9 +71,11 @@ impl<S: Simd> Articulated<S> {
                 [inner.constant, inner.stiffness, inner.damping].map(|lanes| lanes.lane(lane));
             let (q, dq) = (motion.from.value, motion.from.velocity);
             let inertial = s.bias_forces[i].lane(lane) + inner.armature.lane(lane) * motion.from.acceleration;
-            // At rest dry friction can be anything up to its bound: zero is the smallest.
-            let rubs = if dq == 0.0 { 0.0 } else { inner.dry_friction.lane(lane).copysign(dq) };
-            *torque = inertial + rubs - (constant - stiffness * q - damping * dq);
+            let [rate, time_s] = inner.creep.map(|lanes| lanes.lane(lane));
+            // A rigid hold can be anything up to friction's torque: zero is the smallest.
+            let creep = if rate > 0.0 { Creep { rate, time_s } } else { Creep::default() };
+            let friction = creep.torque(dq, motion.from.acceleration, inner.dry_friction.lane(lane));
+            *torque = inertial - friction - (constant - stiffness * q - damping * dq);
         }
     }
 }

@@ -89,6 +89,7 @@ impl<S: Simd> Articulated<S> {
             stiffness: nothing,
             damping: nothing,
             dry_friction: nothing,
+            creep: [nothing; 2],
             armature: nothing,
         };
         let touchable = one.setup.ground.is_some() || one.setup.ball.is_some();

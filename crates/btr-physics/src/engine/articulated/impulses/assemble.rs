@@ -1,6 +1,6 @@
 //! Assembly of the rows: bounded joints, coupled joints, and contacts.
 
-use super::rows::{Contact, ContactLaw, ImpulseBlock, Impulses, Single};
+use super::rows::{BoundedRow, Contact, ContactLaw, ImpulseBlock, Impulses, Single};
 use crate::engine::articulated::contacts::ContactPoint;
 use crate::engine::articulated::linear_algebra::lanes::{Lanes, Mask};
 use crate::engine::articulated::linear_algebra::spatial::{Spatial, solve_motions, solve_path};
@@ -8,12 +8,12 @@ use crate::engine::articulated::tree::Tree;
 use pulp::Simd;
 
 impl<S: Simd> Impulses<S> {
-    /// Adds a row that drives a joint to the velocity `target` with an impulse between `lower` and `upper`.
+    /// Adds a row on one joint.
     #[inline(always)]
     pub(in crate::engine::articulated) fn add_bounded(
         &mut self,
         dof: usize,
-        [target, lower, upper]: [Lanes<S>; 3],
+        law: BoundedRow<S>,
         tree: &Tree<S>,
         factor: &[Lanes<S>],
         u: &[Lanes<S>],
@@ -23,7 +23,7 @@ impl<S: Simd> Impulses<S> {
             self.half_jacobians.push(Lanes::splat(self.simd, if d == dof { 1.0 } else { 0.0 }));
         }
         solve_path(factor, tree.freedom(), path, &mut self.half_jacobians[offset..]);
-        self.add_single([Some((dof, offset)), None], [target, lower, upper], u[dof]);
+        self.add_single([Some((dof, offset)), None], law, u[dof]);
     }
 
     /// Adds a row that couples a degree of freedom to another one: velocity = ratio·leader + target, with an unbounded
@@ -46,19 +46,15 @@ impl<S: Simd> Impulses<S> {
             *path = Some((last, offset));
         }
         let unbounded = one * f64::INFINITY;
-        self.add_single(paths, [target, -unbounded, unbounded], u[dof] - ratio * u[leader]);
+        let law = BoundedRow { target, softness: zero, lower: -unbounded, upper: unbounded };
+        self.add_single(paths, law, u[dof] - ratio * u[leader]);
         self.couplings += 1;
     }
 
     #[inline(always)]
-    fn add_single(
-        &mut self,
-        paths: [Option<(usize, usize)>; 2],
-        [target, lower, upper]: [Lanes<S>; 3],
-        speed: Lanes<S>,
-    ) {
+    fn add_single(&mut self, paths: [Option<(usize, usize)>; 2], law: BoundedRow<S>, speed: Lanes<S>) {
         let row = self.rows();
-        self.singles.push(Single { row, target, lower, upper, effective_mass: Lanes::zero(self.simd) });
+        self.singles.push(Single { row, law, effective_mass: Lanes::zero(self.simd) });
         self.blocks.push(ImpulseBlock { row, rows: 1, paths });
         self.speeds.push(speed);
     }

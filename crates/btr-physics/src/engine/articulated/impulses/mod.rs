@@ -11,4 +11,4 @@ mod solve;
 mod stick;
 mod sweep;
 
-pub(super) use rows::{ContactLaw, Impulses};
+pub(super) use rows::{BoundedRow, ContactLaw, Impulses};

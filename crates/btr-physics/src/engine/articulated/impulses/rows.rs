@@ -43,14 +43,22 @@ pub(super) struct ImpulseBlock {
     pub(super) paths: [Option<(usize, usize)>; 2],
 }
 
+/// The law of a bounded impulse: velocity = target − softness·impulse, within the bounds of the impulse.
+#[derive(Clone, Copy)]
+pub(in crate::engine::articulated) struct BoundedRow<S: Simd> {
+    /// Target velocity.
+    pub(in crate::engine::articulated) target: Lanes<S>,
+    /// Softness: velocity per impulse.
+    pub(in crate::engine::articulated) softness: Lanes<S>,
+    pub(in crate::engine::articulated) lower: Lanes<S>,
+    pub(in crate::engine::articulated) upper: Lanes<S>,
+}
+
 /// A bounded impulse on one joint, or between two coupled joints.
 #[derive(Clone, Copy)]
 pub(super) struct Single<S: Simd> {
     pub(super) row: usize,
-    /// Target velocity.
-    pub(super) target: Lanes<S>,
-    pub(super) lower: Lanes<S>,
-    pub(super) upper: Lanes<S>,
+    pub(super) law: BoundedRow<S>,
     /// Effective mass: impulse per unit change of the velocity.
     pub(super) effective_mass: Lanes<S>,
 }

@@ -89,7 +89,7 @@ impl<S: Simd> Impulses<S> {
         self.impulses.clear();
         self.impulses.resize(rows, zero);
         for single in &mut self.singles {
-            single.effective_mass = self.delassus[single.row * rows + single.row].recip();
+            single.effective_mass = (self.delassus[single.row * rows + single.row] + single.law.softness).recip();
         }
         for contact in &mut self.contacts {
             let row = contact.row;

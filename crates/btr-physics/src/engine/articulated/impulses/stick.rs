@@ -3,7 +3,7 @@
 //! corrected. This is for soles with many contact points, where sweeps converge slowly; where a contact slides, the
 //! sweeps are used all the same.
 
-use super::rows::{Impulses, Single};
+use super::rows::{BoundedRow, Impulses, Single};
 use crate::engine::articulated::linear_algebra::lanes::{Lanes, Mask};
 use pulp::Simd;
 
@@ -52,7 +52,7 @@ impl<S: Simd> Impulses<S> {
             rows += contact.mask.select(zero.like(3.0), zero);
         }
         for single in &self.singles {
-            rows += single.lower.less(single.upper).select(zero.like(1.0), zero);
+            rows += single.law.lower.less(single.law.upper).select(zero.like(1.0), zero);
         }
         rows
     }
@@ -74,13 +74,14 @@ impl<S: Simd> Impulses<S> {
         }
         // All entries that are read are written first.
         g.factor.resize(g.factor.len().max(rows * rows), zero);
-        for (k, &Single { row, target, lower, upper, effective_mass }) in self.singles.iter().enumerate() {
+        for (k, &Single { row, law, effective_mass }) in self.singles.iter().enumerate() {
             // Couplings hold exactly: they are never redundant.
             let own = if k < self.couplings { zero } else { self.delassus[row * rows + row] };
-            let required = (target - self.speeds[row]) * effective_mass;
-            let inside = lower.less(required).and(required.less(upper));
-            (g.free[row], g.target[row], g.regularisation[row]) = (inside, target, own * REGULARISATION);
-            self.impulses[row] = inside.select(zero, required.clamp(lower, upper));
+            let required = (law.target - self.speeds[row]) * effective_mass;
+            let inside = law.lower.less(required).and(required.less(law.upper));
+            (g.free[row], g.target[row]) = (inside, law.target);
+            g.regularisation[row] = law.softness + own * REGULARISATION;
+            self.impulses[row] = inside.select(zero, required.clamp(law.lower, law.upper));
         }
         let (mut loads, mut many) = (zero, zero);
         for contact in &self.contacts {
@@ -189,8 +190,9 @@ impl<S: Simd> Impulses<S> {
                 self.impulses[row + k] = pulls.select(zero, self.impulses[row + k]);
             }
         }
-        for &Single { row, target, lower, upper, .. } in &self.singles {
-            let (free, impulse) = (g.free[row], self.impulses[row]);
+        for &Single { row, law, .. } in &self.singles {
+            let (free, impulse, BoundedRow { lower, upper, .. }) = (g.free[row], self.impulses[row], law);
+            let target = law.target - law.softness * impulse;
             let beyond = free.and(impulse.less(lower).or(upper.less(impulse)));
             let behind = self.speeds[row].less(target - tolerance).and(impulse.less(upper));
             let ahead = (target + tolerance).less(self.speeds[row]).and(lower.less(impulse));

@@ -77,10 +77,11 @@ impl<S: Simd> Impulses<S> {
         let (rows, zero) = (self.rows(), Lanes::zero(self.simd));
         let mut still = zero.less(zero);
         for k in 0..self.singles.len() {
-            let Single { row, target, lower, upper, effective_mass } = self.singles[k];
-            let own = self.delassus[row * rows + row];
-            let to = self.impulses[row].add_product(target - self.speeds[row], effective_mass).clamp(lower, upper);
-            let change = moving.select(to - self.impulses[row], zero);
+            let Single { row, law, effective_mass } = self.singles[k];
+            let (own, before) = (self.delassus[row * rows + row], self.impulses[row]);
+            let missing = law.target - self.speeds[row] - law.softness * before;
+            let to = before.add_product(missing, effective_mass).clamp(law.lower, law.upper);
+            let change = moving.select(to - before, zero);
             self.impulses[row] += change;
             for (speed, &response) in self.speeds.iter_mut().zip(&self.delassus[row * rows..(row + 1) * rows]) {
                 *speed = speed.add_product(response, change);
