@@ -54,6 +54,7 @@ impl SyntheticModel {
             starts: vec![Vec::new()],
             similar: Vec::new(),
             nested: Vec::new(),
+            needs: None,
         };
         let log = |i: usize| RecordedLog {
             name: format!("log {i}"),
@@ -176,6 +177,39 @@ fn a_stopped_diagnosis_names_the_first_of_what_a_whole_one_names() {
         stopped_with[stopped.effects.len()] += 1;
     }
     assert!(stopped_with.iter().all(|count| *count > 0), "{stopped_with:?}");
+}
+
+/// Friction, its creep, which does nothing without it, and an effect that comes closer than friction alone.
+fn friction_that_creeps(truth: &[f64]) -> SyntheticModel {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        let (friction, creep, look_alike) = (u[1], u[2], u[3]);
+        let part = |rate: f64| swing(rate, log, t);
+        u[0] * part(3.0)
+            + friction * (part(5.0) + 0.3 * creep * (part(7.0) + 0.5 * part(11.0)))
+            + look_alike * (part(5.0) + 0.3 * part(7.0))
+    };
+    let mut model = SyntheticModel::new(&["friction", "creep", "look_alike"], truth, motion);
+    model.candidates[1].needs = Some(vec![0]);
+    model.candidates[2].similar = vec![0];
+    model
+}
+
+#[test]
+fn an_effect_with_its_companion_takes_the_place_of_a_look_alike() {
+    let diagnosis = friction_that_creeps(&[0.4, 9.0, 1.0, 0.0]).diagnosis();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["friction", "creep"]));
+    let steps: Vec<&str> = diagnosis.ladder.iter().map(|step| step.step.as_str()).collect();
+    assert!(steps.contains(&"friction@here + creep@here for look_alike@here"), "{steps:?}");
+}
+
+#[test]
+fn a_companion_is_no_cause_of_its_own() {
+    let rigid = friction_that_creeps(&[0.4, 9.0, 0.0, 0.0]).diagnosis();
+    assert_eq!((rigid.verdict, names(&rigid)), (Verdict::EffectMissing, vec!["friction"]));
+    let other = friction_that_creeps(&[0.4, 0.0, 1.0, 9.0]).diagnosis();
+    assert_eq!((other.verdict, names(&other)), (Verdict::EffectMissing, vec!["look_alike"]));
+    let ranked = other.rounds.iter().flatten();
+    assert!(ranked.into_iter().all(|candidate| candidate.name != "creep@here"));
 }
 
 #[test]

@@ -31,6 +31,11 @@ impl SensorNoise {
         self.stated(channel).or_else(|| noise::NoiseEstimate::of(readings).map(|estimate| estimate.floor()))
     }
 
+    /// The same beside a simulation of the channel; see [`noise::floor_beside`].
+    pub fn floor_beside(&self, channel: &str, readings: &[f64], simulated: &[f64]) -> Option<f64> {
+        self.stated(channel).or_else(|| noise::floor_beside(readings, simulated))
+    }
+
     /// The model's stated sensor noise, by channel name pattern.
     pub fn by_channel(&self) -> IndexMap<String, f64> {
         let kinds = ["q_", "dq_", "tau_", "imu_gyro_", "imu_acc_", "foot_"];

@@ -25,6 +25,8 @@ const ORDERS: std::ops::RangeInclusive<usize> = 3..=10;
 const BLOCK: usize = 32;
 /// Assumed best resolution of a sensor, as a share of the range of its readings.
 const FINEST: f64 = 1e-5;
+/// The share of the readings' own noise floor below which that of the difference from a simulation counts.
+const FAR_LOWER: f64 = 0.5;
 /// Assumed resolution of a constant channel: 13 bits of a range of 1 SI unit.
 const ASSUMED: f64 = 1e-4;
 
@@ -59,6 +61,17 @@ impl NoiseEstimate {
     pub fn is_negligible(&self) -> bool {
         self.sigma() <= self.least
     }
+}
+
+/// The noise floor of readings beside a simulation of them: that of the readings alone, or that of the difference where
+/// this is far lower. Motion that is too fast for the clock looks like noise in the readings; a rough model of the
+/// motion is enough for most of it to cancel. Where the simulation is wrong or missing, the difference is no lower.
+pub fn floor_beside(readings: &[f64], simulated: &[f64]) -> Option<f64> {
+    let alone = NoiseEstimate::of(readings)?;
+    let difference: Vec<f64> = readings.iter().zip(simulated).map(|(reading, simulated)| reading - simulated).collect();
+    let together = NoiseEstimate::of(&difference).map_or(f64::INFINITY, |estimate| estimate.sigma());
+    let together = together.max(alone.quantum / 12.0_f64.sqrt()).max(alone.least);
+    Some(if together < FAR_LOWER * alone.floor() { together } else { alone.floor() })
 }
 
 /// Standard deviation of white noise whose differences of this order would be as large as observed: the median over
@@ -139,6 +152,21 @@ mod tests {
             assert!((noise.sigma() / truth - 1.0).abs() < 0.1, "{sigma} {quantum}: {noise:?}, {truth}");
             assert!((noise.quantum - quantum).abs() < 1e-3 * quantum.max(1e-9), "{sigma} {quantum}: {noise:?}");
         }
+    }
+
+    /// At 20 Hz the motion is too fast to tell from noise, unless a model follows it roughly.
+    #[test]
+    fn motion_that_is_too_fast_cancels_against_a_rough_model() {
+        let (sigma, coarse) = (5e-4, |values: Vec<f64>| values.into_iter().step_by(10).collect::<Vec<f64>>());
+        let readings = coarse(noisy(6000, sigma, 0.0));
+        let model: Vec<f64> = coarse(motion(6000)).iter().map(|x| 1.02 * x + 0.05).collect();
+        let (alone, beside) = (floor_beside(&readings, &[]).unwrap(), floor_beside(&readings, &model).unwrap());
+        assert!(alone > 50.0 * sigma && beside < 5.0 * sigma, "{alone}, {beside}");
+        let wrong: Vec<f64> = model.iter().map(|x| -3.0 * x).collect();
+        assert_eq!(floor_beside(&readings, &wrong), Some(alone));
+        // Where readings alone show their noise, a model changes nothing.
+        let fine = noisy(3000, 1e-2, 0.0);
+        assert_eq!(floor_beside(&fine, &motion(3000)), Some(NoiseEstimate::of(&fine).unwrap().floor()));
     }
 
     #[test]

@@ -36,15 +36,15 @@ const LEAST_CORRELATION: f64 = 0.5;
 /// tested.
 const DEPENDENT: f64 = 4.0;
 
-/// Compares logs with their simulations. `floor` gives a channel's noise floor from its name and its readings;
-/// channels for which it gives none are left out.
-pub fn compare(episodes: &[LogPair], floor: impl Fn(&str, &[f64]) -> Option<f64>) -> Comparison {
+/// Compares logs with their simulations. `floor` gives a channel's noise floor from its name, its readings and their
+/// simulation; channels for which it gives none are left out.
+pub fn compare(episodes: &[LogPair], floor: impl Fn(&str, &[f64], &[f64]) -> Option<f64>) -> Comparison {
     let mut residuals = Vec::new();
     for (log, episode) in episodes.iter().enumerate() {
         let channels = episode.real.channels().filter(|(_, channel)| channel.role == Role::Measured);
         residuals.extend(channels.filter_map(|(name, channel)| {
             let simulated = on_clock(episode.simulated, name, episode.real.clock_s())?;
-            let floor = floor(name, &channel.values).filter(|floor| *floor > 0.0)?;
+            let floor = floor(name, &channel.values, &simulated).filter(|floor| *floor > 0.0)?;
             let error: Vec<f64> = channel.values.iter().zip(&simulated).map(|(real, sim)| real - sim).collect();
             let has_values = error.iter().any(|e| e.is_finite());
             let (channel, unit) = (name.to_owned(), channel.unit.clone());

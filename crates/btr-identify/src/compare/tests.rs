@@ -24,7 +24,7 @@ fn logs(error: impl Fn(f64, f64) -> f64) -> (Log, Log) {
 }
 
 fn compared(real: &Log, simulated: &Log) -> Comparison {
-    compare(&[LogPair { name: "log", real, simulated }], |_, _| Some(SIGMA))
+    compare(&[LogPair { name: "log", real, simulated }], |_, _, _| Some(SIGMA))
 }
 
 #[test]

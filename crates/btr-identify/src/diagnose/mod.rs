@@ -8,14 +8,12 @@
 mod companion;
 mod evidence;
 mod judge;
-mod linear;
 mod refit;
 mod report;
 mod residual_law;
 mod round;
 mod screen;
 mod short_parts;
-mod start_point;
 mod state;
 pub mod thresholds;
 

@@ -1,7 +1,6 @@
 //! Fitting the screened candidates: a few cheap steps for many, the full budget for the leaders.
 
-use super::screen::{best, simulate, simulate_worst};
-use super::start_point::{StartPoint, has_two_sides, with};
+use super::screen::{StartPoint, best, has_two_sides, simulate, simulate_worst, with};
 use crate::fit::measure::NOISE;
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget, columns};

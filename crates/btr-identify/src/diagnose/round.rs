@@ -4,9 +4,8 @@
 use super::judge::judge_rivals;
 use super::refit::{Rival, last_chance, last_chance_of_the_best, race};
 use super::report::{DiagnoseOptions, MissingEffect};
-use super::screen::screen;
+use super::screen::{StartPoint, screen};
 use super::short_parts::from_short_parts;
-use super::start_point::StartPoint;
 use super::state::DiagnosisState;
 use crate::fit::measure::NOISE;
 use crate::fit::residual_vector::chi;

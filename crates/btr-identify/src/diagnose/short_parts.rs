@@ -2,8 +2,7 @@
 //! to whole logs.
 
 use super::refit::{FOLLOWER, Rival, race};
-use super::screen::screen;
-use super::start_point::StartPoint;
+use super::screen::{StartPoint, screen};
 use super::state::DiagnosisState;
 use crate::fit::measure::NOISE;
 use crate::fit::residual_vector::chi;

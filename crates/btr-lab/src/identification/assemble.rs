@@ -37,6 +37,7 @@ impl IdentificationProblem {
         let mut problem = Self::without_effects(model, recorded, parts)?;
         let origin = vec![0.0; problem.parameters.len()];
         problem.begin(&origin)?;
+        problem.lower_floors(&origin)?;
         if problem.is_chaotic() {
             noise_floor::raise(&mut problem, &origin)?;
         }

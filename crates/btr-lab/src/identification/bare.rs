@@ -8,6 +8,7 @@ use crate::scales::RobotScales;
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use btr_physics::model::{Model, Scenario};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 impl IdentificationProblem {
@@ -22,6 +23,7 @@ impl IdentificationProblem {
             free: (0..model.simulations.len()).collect(),
             candidates: Vec::new(),
             logs: Vec::new(),
+            lower_floors: vec![HashMap::new(); recorded.len()],
             changes: Vec::new(),
             features: Vec::new(),
             terms: Vec::new(),

@@ -4,11 +4,13 @@ use super::log_parts::LogPart;
 use super::problem::IdentificationProblem;
 use super::start;
 use super::start::windows::Windows;
-use btr_core::log::{Channel, Log, Role};
+use btr_core::log::{Channel, Log, Role, interpolate};
 use btr_core::world::WorldError;
-use btr_identify::residual_model::{MeasuredChannel, RecordedLog};
+use btr_identify::residual_model::{MeasuredChannel, RecordedLog, TimeStep};
 use btr_physics::model::Model;
 use btr_physics::robot::Base;
+use rayon::prelude::*;
+use std::collections::HashMap;
 use std::ops::Range;
 
 impl IdentificationProblem {
@@ -59,6 +61,37 @@ impl IdentificationProblem {
         Ok(())
     }
 
+    /// Lowers the noise floors of fast motion to those beside the model at `u`. A floating robot's motion departs too
+    /// much from its model's.
+    pub(super) fn lower_floors(&mut self, u: &[f64]) -> Result<(), WorldError> {
+        if self.model.robot.base == Base::Floating {
+            return Ok(());
+        }
+        let scenarios = (0..self.recorded.len()).into_par_iter();
+        self.lower_floors = scenarios.map(|scenario| self.floors_beside_model(u, scenario)).collect();
+        self.measure()
+    }
+
+    /// The noise floors of a scenario's log that are lower beside the model.
+    fn floors_beside_model(&self, u: &[f64], scenario: usize) -> HashMap<String, f64> {
+        // A log that cannot be simulated is reported where it is needed.
+        let Ok(simulated) = self.simulate(u, scenario, TimeStep::USUAL) else { return HashMap::new() };
+        let (log, noise) = (&self.recorded[scenario], &self.model.setup.noise);
+        let lower = |name: String| {
+            let readings = &log.channel(&name)?.values;
+            let model = interpolate(simulated.clock_s(), simulated.values(&name).ok()?, log.clock_s());
+            let floor = noise.floor_beside(&name, readings, &model)?;
+            (floor < noise.floor(&name, readings)?).then_some((name, floor))
+        };
+        compared(&self.model).filter_map(lower).collect()
+    }
+
+    /// The noise floor of a channel of a scenario's log.
+    fn floor(&self, scenario: usize, name: &str, readings: &[f64]) -> Option<f64> {
+        let lower = self.lower_floors[scenario].get(name).copied();
+        lower.or_else(|| self.model.setup.noise.floor(name, readings))
+    }
+
     /// The noise of a joint's reading; 0 if there is none.
     pub(super) fn noise(&self, log: &Log, joint: &str) -> f64 {
         let name = format!("q_{joint}");
@@ -75,7 +108,7 @@ impl IdentificationProblem {
         for name in compared(&self.model) {
             let present_channel = |c: &&Channel| c.role == Role::Measured && c.values.iter().any(|x| x.is_finite());
             let Some(channel) = recorded.channel(&name).filter(present_channel) else { continue };
-            let Some(sigma) = self.model.setup.noise.floor(&name, &channel.values) else { continue };
+            let Some(sigma) = self.floor(part.scenario, &name, &channel.values) else { continue };
             let samples = start..start + recorded.len();
             start = samples.end;
             present += channel.values.iter().enumerate().filter(|(i, x)| part.has(*i) && x.is_finite()).count();

@@ -8,6 +8,7 @@ use btr_identify::residual_model::{EffectCandidate, FitParameter, LawTerm, Recor
 use btr_physics::effects::Effect;
 use btr_physics::model::parameter::Target;
 use btr_physics::model::{Model, Scenario};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// What a candidate changes in the model.
@@ -35,6 +36,8 @@ pub struct IdentificationProblem {
     pub(super) free: Vec<usize>,
     pub(super) candidates: Vec<EffectCandidate>,
     pub(super) logs: Vec<RecordedLog>,
+    /// For each scenario, the noise floors that are lower beside the model than in the readings alone.
+    pub(super) lower_floors: Vec<HashMap<String, f64>>,
     pub(super) scales: RobotScales,
     /// With windows: for each joint, the channels of the joints of its limb.
     pub(super) limbs: Vec<Vec<String>>,

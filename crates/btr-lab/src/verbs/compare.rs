@@ -8,6 +8,7 @@ use btr_identify::compare;
 use btr_identify::compare::{ChannelError, Comparison, LogPair, RegimeCell};
 use btr_identify::fit::{extrapolation, finer_step};
 use btr_identify::residual_model::TimeStep;
+use btr_physics::robot::Base;
 use indexmap::IndexMap;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -68,7 +69,11 @@ fn comparison(replays: &Replays, simulated: &[Log]) -> Comparison {
     let scenarios = model.scenarios.iter().zip(&replays.logs).zip(simulated);
     let episodes: Vec<LogPair> =
         scenarios.map(|((scenario, real), simulated)| LogPair { name: &scenario.name, real, simulated }).collect();
-    compare::compare(&episodes, |channel, readings| model.setup.noise.floor(channel, readings))
+    let floor = |channel: &str, readings: &[f64], simulated: &[f64]| match model.robot.base {
+        Base::Fixed => model.setup.noise.floor_beside(channel, readings, simulated),
+        Base::Floating => model.setup.noise.floor(channel, readings),
+    };
+    compare::compare(&episodes, floor)
 }
 
 /// Root mean square discretisation error of a simulated channel, in noise floors: the change by halving the step times

@@ -41,7 +41,7 @@ impl VerbInput {
         let pairs = judged.names.iter().zip(judged.logs).zip(&simulated);
         let episodes: Vec<LogPair> = pairs.map(|((name, real), simulated)| LogPair { name, real, simulated }).collect();
         let floors = self.floors();
-        let floor = |channel: &str, _: &[f64]| floors.iter().find(|f| f.channel == channel).map(|f| f.sigma);
+        let floor = |channel: &str, _: &[f64], _: &[f64]| floors.iter().find(|f| f.channel == channel).map(|f| f.sigma);
         Ok(compare(&episodes, floor))
     }
 }

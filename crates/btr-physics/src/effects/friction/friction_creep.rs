@@ -1,9 +1,9 @@
-//! Creep of dry friction: a joint that friction holds gives way slowly. Simulators soften dry friction like this, so that
-//! it can be solved without switching; without a time constant, friction grows linearly with speed over a transition
-//! width of creep·torque.
+//! Creep of dry friction: a joint that friction holds gives way slowly. Simulators soften dry friction like this, so
+//! that it can be solved without switching; without a time constant, friction grows linearly with speed over a
+//! transition width of creep·torque.
 //!
-//! It acts on all dry friction of the joint, whichever effects it comes from. MuJoCo's dry friction with default settings
-//! has the time constant 9.5 ms, and creeps at 1.06 ms over the joint's inertia.
+//! It acts on all dry friction of the joint, whichever effects it comes from. MuJoCo's dry friction with default
+//! settings has the time constant 9.5 ms, and creeps at 1.06 ms over the joint's inertia.
 
 use crate::effects::effect::{DryFriction, Effect, EffectSpec, Param, SiteKind};
 use crate::engine::{Creep, Dof};

@@ -4,11 +4,15 @@
 //! can produce as well is projected out, so that only the rest counts for a candidate. A first pass uses only the log
 //! with the largest error; the best candidates are then probed on all logs.
 
-use super::linear::{BasePoint, STRETCH};
-use super::start_point::{ProbeSizes, StartPoint, has_two_sides, with};
+mod linear;
+mod start_point;
+
 use crate::fit::{FitPoint, LogSet, Objective, corrected, shared, squares};
 use crate::residual_model::{EffectCandidate, Parametrisation};
 use btr_core::signal::ripple::orders;
+use linear::{BasePoint, STRETCH};
+use start_point::ProbeSizes;
+pub(crate) use start_point::{StartPoint, has_two_sides, with};
 use std::cmp::Ordering::Equal;
 
 /// Probes of the first pass, and of the second one.

@@ -15,7 +15,7 @@ pub(super) struct ProbeSizes {
 
 /// A candidate at its predicted best point.
 #[derive(Clone, Debug)]
-pub(super) struct StartPoint {
+pub(crate) struct StartPoint {
     /// Index of the candidate.
     pub candidate: usize,
     /// Index of its base.
@@ -28,27 +28,27 @@ pub(super) struct StartPoint {
 
 impl StartPoint {
     /// The point at a share of the step from a base to this point; shapes are not interpolated.
-    pub(super) fn partly(&self, objective: &Objective, base: &FitPoint, share: f64) -> Vec<f64> {
+    pub(crate) fn partly(&self, objective: &Objective, base: &FitPoint, share: f64) -> Vec<f64> {
         let mut u: Vec<f64> = base.u.iter().zip(&self.u).map(|(from, to)| from + share * (to - from)).collect();
         objective.candidates()[self.candidate].shapes.iter().for_each(|&k| u[k] = self.u[k]);
         u
     }
 
-    pub(super) fn shapes(&self, objective: &Objective) -> Vec<f64> {
+    pub(crate) fn shapes(&self, objective: &Objective) -> Vec<f64> {
         objective.candidates()[self.candidate].shapes.iter().map(|&k| self.u[k]).collect()
     }
 }
 
 /// Whether an effect's amplitude may have either sign and its response may differ between them: a foot that is pressed
 /// down slips differently from one that is lifted.
-pub(super) fn has_two_sides(objective: &Objective, candidate: &EffectCandidate) -> bool {
+pub(crate) fn has_two_sides(objective: &Objective, candidate: &EffectCandidate) -> bool {
     let parameters = objective.parameters();
     objective.description.has_contact
         && candidate.amplitudes.iter().any(|&parameter| parameters[parameter].bounds.0 < 0.0)
 }
 
 /// The base's free parameters and a candidate's, which may be among them.
-pub(super) fn with(base: &FitPoint, candidate: &EffectCandidate) -> Vec<usize> {
+pub(crate) fn with(base: &FitPoint, candidate: &EffectCandidate) -> Vec<usize> {
     let added = candidate.parameters().filter(|parameter| !base.active.contains(parameter));
     base.active.iter().copied().chain(added).collect()
 }
