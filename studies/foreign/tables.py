@@ -112,7 +112,8 @@ def draw(outcomes: list[Outcome], file: Path) -> None:
     def y(p: float) -> float:
         return TOP + SIDE * (1.0 - p)
 
-    parts = [f'<text x="{LEFT}" y="20">how often a named effect is the hidden one</text>']
+    title = f"how often a named effect is the hidden one: {len(outcomes)} robots"
+    parts = [f'<text x="{LEFT}" y="20">{title}</text>']
     for k in range(6):
         value = k / 5
         parts.append(f'<line x1="{x(0)}" x2="{x(1)}" y1="{y(value):.1f}" y2="{y(value):.1f}" stroke="#e4e4e4"/>')
@@ -128,7 +129,10 @@ def draw(outcomes: list[Outcome], file: Path) -> None:
         at = x(mean)
         parts.append(f'<line x1="{at:.1f}" x2="{at:.1f}" y1="{y(low):.1f}" y2="{y(high):.1f}" stroke="#1f5fa8"/>')
         parts.append(f'<circle cx="{at:.1f}" cy="{y(share):.1f}" r="{radius:.1f}" fill="#1f5fa8" opacity="0.75"/>')
-        parts.append(f'<text x="{at - radius - 4:.1f}" y="{y(share) + 4:.1f}" text-anchor="end">{right}/{names}</text>')
+        # The largest disc's label would cover its neighbour's.
+        left, down = (-radius, radius + 16.0) if names == most else (radius + 4.0, 4.0)
+        place = f'x="{at - left:.1f}" y="{y(share) + down:.1f}"'
+        parts.append(f'<text {place} text-anchor="end">{right}/{names}</text>')
     frame = 'width="440" height="430" viewBox="0 0 440 430" font-family="sans-serif" font-size="13" fill="#333"'
     body = '<rect width="440" height="430" fill="white"/>' + "".join(parts)
     file.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {frame}>{body}</svg>\n')
