@@ -11,14 +11,23 @@ use super::state::DiagnosisState;
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL};
 use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
-use crate::fit::{FitPoint, Objective, SearchBudget};
+use crate::fit::residual_vector::chi;
+use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 
 /// A companion that leaves more than noise and this share of the sum of squares has to compete with all candidates.
 const MODEST: f64 = 0.5;
 
+/// Error in noise floors above which a companion is not tried: so much is another cause's, and its search is dear.
+const FAR: f64 = 20.0;
+
+/// Whether the findings leave something, but not much.
+fn is_near(objective: &Objective, state: &DiagnosisState) -> bool {
+    state.leaves_something(objective, &state.fit) && chi(state.fit.squares(), objective.samples(LogSet::Learn)) <= FAR
+}
+
 /// The best companion of what is found, if it explains most of what is left.
 pub(super) fn companion(objective: &Objective, state: &mut DiagnosisState) -> Option<(Rival, MissingEffect)> {
-    if !state.leaves_something(objective, &state.fit) {
+    if !is_near(objective, state) {
         return None;
     }
     let companions: Vec<usize> =
@@ -51,7 +60,7 @@ struct Pair {
 /// Replaces findings by a similar effect with its companion where the two together explain decisively more.
 pub(super) fn exchange(objective: &mut Objective, state: &mut DiagnosisState, on_step: &dyn Fn(&LadderStep)) {
     for index in 0..state.chosen.len() {
-        if state.leaves_something(objective, &state.fit)
+        if is_near(objective, state)
             && let Some(pair) = better_pair(objective, state, index)
         {
             accept_pair(objective, state, pair, on_step);
@@ -64,7 +73,10 @@ pub(super) fn exchange(objective: &mut Objective, state: &mut DiagnosisState, on
 fn better_pair(objective: &Objective, state: &DiagnosisState, index: usize) -> Option<Pair> {
     let candidates = objective.candidates();
     let found = state.chosen[index].candidate;
-    let pairs = candidates[found].similar.iter().filter_map(|&effect| {
+    // A pair that is larger than what it replaces by more than the companion is no simpler explanation.
+    let no_larger =
+        |effect: &&usize| candidates[**effect].parameters().count() <= candidates[found].parameters().count();
+    let pairs = candidates[found].similar.iter().filter(no_larger).filter_map(|&effect| {
         let companions: Vec<usize> = (0..candidates.len())
             .filter(|&c| candidates[c].needs.as_ref().is_some_and(|n| n.contains(&effect) && !n.contains(&found)))
             .collect();
