@@ -11,8 +11,9 @@ import numpy as np
 
 from . import sizes
 from .commands import KINDS, episode
+from .plant import Hidden, Numerics, softness
 from .robots import Axis, Random, Robot, Told, Vector, between, generate, known_rotors, loads, scaled, sign
-from .simulation import Episode, Hidden, Numerics, Sensors, record, simulate, softness, true_readings
+from .simulation import Episode, Sensors, record, simulate, true_readings
 
 # One kind for each seed, round and round; see `plan`.
 CYCLE = ("one", "one", "none", "one", "constants", "one", "one", "outside", "one", "two")

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from .cases import Case, Files
+from .plant import softness
 from .robots import GRAVITY, MOUNTS, rotation
-from .simulation import softness
 
 # An error of the best model without an effect, in noise floors, above which the effect should have been found.
 VISIBLE = 1.3

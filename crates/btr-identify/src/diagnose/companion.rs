@@ -17,12 +17,13 @@ use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 /// A companion that leaves more than noise and this share of the sum of squares has to compete with all candidates.
 const MODEST: f64 = 0.5;
 
-/// Error in noise floors above which a companion is not tried: so much is another cause's, and its search is dear.
-const FAR: f64 = 20.0;
+/// Largest error in noise floors at which companions are tried: what leaves more needs another effect first, and the
+/// rollouts for that.
+const NEAR: f64 = 20.0;
 
-/// Whether the findings leave something, but not much.
+/// Whether the findings leave something, but not too much for companions.
 fn is_near(objective: &Objective, state: &DiagnosisState) -> bool {
-    state.leaves_something(objective, &state.fit) && chi(state.fit.squares(), objective.samples(LogSet::Learn)) <= FAR
+    state.leaves_something(objective, &state.fit) && chi(state.fit.squares(), objective.samples(LogSet::Learn)) <= NEAR
 }
 
 /// The best companion of what is found, if it explains most of what is left.

@@ -64,7 +64,9 @@ impl IdentificationProblem {
     /// Lowers the noise floors of fast motion to those beside the model at `u`. A floating robot's motion departs too
     /// much from its model's.
     pub(super) fn lower_floors(&mut self, u: &[f64]) -> Result<(), WorldError> {
-        if self.model.robot.base == Base::Floating {
+        let noise = &self.model.setup.noise;
+        let known = compared(&self.model).all(|name| noise.stated(&name).is_some());
+        if known || self.model.robot.base == Base::Floating {
             return Ok(());
         }
         let scenarios = (0..self.recorded.len()).into_par_iter();

@@ -14,7 +14,7 @@ static SPEC: EffectSpec = EffectSpec {
     name: "friction_creep",
     law: "where dry friction holds a torque, up to its own: dq + time_constant·ddq = creep·torque",
     site: SiteKind::Joint,
-    cite: "MuJoCo, Documentation, chapter Computation, Constraint model: friction loss as a soft constraint",
+    cite: "MuJoCo documentation, chapter Computation: friction loss as a soft constraint",
     symptom: "a joint that dry friction holds drifts under its load, and comes to rest gradually",
     params: &[
         Param::new("creep", "rad/(s·N·m)", (0.0, 10.0), 0.05),
