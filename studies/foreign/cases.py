@@ -19,11 +19,11 @@ from .simulation import Episode, Sensors, record, simulate, true_readings
 CYCLE = ("one", "one", "none", "one", "constants", "one", "one", "outside", "one", "two")
 # From the coarsest on: the first one that is honest is taken. First-order integrators are not among them: at 1 or 2 ms
 # MuJoCo's own error is 0.3 to 6 noise floors, which is an effect of its own (`--integrator` shows it).
-NUMERICS = (Numerics("RK4", 0.002), Numerics("RK4", 0.001), Numerics("RK4", 0.0005))
+NUMERICS = tuple(Numerics("RK4", step_s) for step_s in (0.002, 0.001, 0.0005, 0.00025, 0.000125))
 CALIBRATION = Numerics("RK4", 0.001)
-EXACT = Numerics("RK4", 0.00025)
-# Most of its own integration error that an honest simulation makes, in noise floors.
-HONEST = 0.15
+# Most of its own integration error that an honest simulation makes, in noise floors. An error of 0.1 noise floors in
+# each of some thousand readings moves a fitted value by several of its standard errors.
+HONEST = 0.02
 # Seconds of an episode that are simulated to choose a size or a step.
 EXCERPT_S = 6.0
 TICKS_S = (0.002, 0.004, 0.005, 0.01, 0.01, 0.02, 0.02, 0.034, 0.04, 0.056)
@@ -319,19 +319,24 @@ def hide(
 
 
 def honest(case: Case, choices: tuple[Numerics, ...]) -> tuple[Numerics, float]:
-    """The first choice whose own error is well below the noise, else the last; and that error."""
-    exact = readings(case, case.hidden, EXACT)
+    """The first choice whose own error is well below the noise, else the last; and that error: twice what half the
+    step changes, as it is where a law has a kink and the error falls with the step alone."""
     chosen, error = choices[-1], math.inf
+    coarse: list[Vector] | None = None
     for numerics in choices:
         steps = case.tick_s / numerics.step_s
         if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
             continue
         try:
-            chosen, error = numerics, apart(case, exact, readings(case, case.hidden, numerics))
+            coarse = coarse or readings(case, case.hidden, numerics)
+            fine = readings(case, case.hidden, Numerics(numerics.integrator, 0.5 * numerics.step_s))
         except FloatingPointError:
+            coarse = None
             continue
+        chosen, error = numerics, 2.0 * apart(case, coarse, fine)
         if error < HONEST:
             break
+        coarse = fine
     return chosen, error
 
 

@@ -147,8 +147,8 @@ def split(body: ET.Element, joint: ET.Element, index: int, values: dict[str, flo
         half = 0.5 * values["gap"]
         apart.set("limited", "true")
         apart.set("range", f"{-half:.12g} {half:.12g}")
-        # Flanks of steel: softer than MuJoCo's default, they would be a spring of their own.
-        apart.set("solreflimit", "0.004 1")
+        # Flanks of steel: with the default, they would be a spring of their own beside a light rotor.
+        apart.set("solreflimit", "0.0005 1")
     else:
         apart.set("stiffness", number(values["stiffness"]))
         apart.set("damping", number(values["damping"]))
