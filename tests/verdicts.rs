@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use btr_identify::diagnose::{Diagnosis, Verdict};
+use btr_identify::fit::Estimate;
 use btr_lab::identification::IdentificationProblem;
 use btr_physics::effects::{FormulaTarget, PlacedEffect, find, formula};
 use btr_physics::model::Model;
@@ -140,4 +141,31 @@ fn a_rate_limit_that_only_steps_reach_is_found() {
     let diagnosis = diagnosis(&problem);
     let found = (problem, diagnosis);
     assert_missing(&found, "command_rate_limit@elbow", ("command_rate_limit.rate@elbow", 15.0), 0.03);
+}
+
+/// A motor's ripple has the orders of its poles, its slots and the stages of its gear at once.
+#[test]
+fn ripples_of_several_orders_are_found_on_one_joint() {
+    let truth = [(0.15, 7.0, 1.0), (0.1, 28.0, -0.5), (0.1, 14.0, 0.3), (0.08, 12.0, 2.0), (0.08, 36.0, -2.0)];
+    let planted: Vec<PlacedEffect> =
+        truth.map(|(amplitude, order, phase)| effect("cogging", "elbow", &[amplitude, order, phase])).to_vec();
+    let (problem, diagnosis) = diagnosed(desk_arm(), planted);
+    let errors: Vec<f64> = diagnosis.ladder.iter().map(|step| step.train).collect();
+    assert_eq!(
+        names(&problem, &diagnosis),
+        ["cogging@elbow", "cogging@elbow#2", "cogging@elbow#3", "cogging@elbow#4", "cogging@elbow#5"],
+        "{errors:?}"
+    );
+    assert_eq!(diagnosis.verdict, Verdict::EffectMissing);
+    let mut found: Vec<&Vec<Estimate>> = diagnosis.effects.iter().map(|effect| &effect.parameters).collect();
+    found.sort_by(|a, b| a[1].value.total_cmp(&b[1].value));
+    let by_order = [truth[0], truth[3], truth[2], truth[1], truth[4]];
+    for (estimates, (amplitude, order, _)) in found.iter().zip(by_order) {
+        for (estimate, truth) in estimates.iter().zip([amplitude, order]) {
+            // Orders 12 and 14 can hardly be told apart on an arc of 1.4 rad: that is what the intervals say.
+            let [low, high] = estimate.ci95.unwrap();
+            let told = (estimate.value - truth).abs() < high - low && high - low < 0.3 * truth;
+            assert!(told, "{truth}: {low} to {high} of {errors:?}");
+        }
+    }
 }

@@ -6,8 +6,8 @@ use btr_core::world::WorldError;
 use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use btr_identify::fit::Objective;
 use btr_identify::residual_model::{
-    CandidateKind, Derivation, EffectCandidate, FitParameter, MeasuredChannel, ModelDescription, Parametrisation,
-    RecordedLog, ResidualModel, ResidualRequest, TimeStep,
+    CandidateKind, Derivation, EffectCandidate, FitParameter, MeasuredChannel, ModelDescription, Needs,
+    Parametrisation, RecordedLog, ResidualModel, ResidualRequest, TimeStep,
 };
 use rand::RngExt;
 use std::sync::Arc;
@@ -54,7 +54,7 @@ impl SyntheticModel {
             starts: vec![Vec::new()],
             similar: Vec::new(),
             nested: Vec::new(),
-            needs: None,
+            needs: Needs::Nothing,
         };
         let log = |i: usize| RecordedLog {
             name: format!("log {i}"),
@@ -189,7 +189,7 @@ fn friction_that_creeps(truth: &[f64]) -> SyntheticModel {
             + look_alike * (part(5.0) + 0.3 * part(7.0))
     };
     let mut model = SyntheticModel::new(&["friction", "creep", "look_alike"], truth, motion);
-    model.candidates[1].needs = Some(vec![0]);
+    model.candidates[1].needs = Needs::OneOf(vec![0]);
     model.candidates[2].similar = vec![0];
     model
 }

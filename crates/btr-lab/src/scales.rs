@@ -5,6 +5,7 @@ use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};
 use btr_physics::engine::carried_inertia;
 use btr_physics::model::Model;
+use btr_physics::robot::site::instance;
 use btr_physics::robot::{JointKind, Robot};
 
 /// The desk arm to which the hints of the effect specs refer.
@@ -105,7 +106,8 @@ impl RobotScales {
 
     /// Factor for a hint in this unit at a site.
     pub(crate) fn of_unit(&self, unit: &str, site: &str) -> f64 {
-        let joint = self.joints.iter().find(|(joint, link, _)| joint == site || link == site);
+        let (name, _) = instance(site);
+        let joint = self.joints.iter().find(|(joint, link, _)| joint == name || link == name);
         let scale = joint.map_or(&self.whole, |(_, _, scale)| scale);
         let (torque, speed) = (scale.torque / DESK.torque, scale.speed / DESK.speed);
         let factor = match unit {

@@ -1,6 +1,8 @@
 //! Companions: effects that only change how another one acts, as the creep of dry friction does. They are tried as soon
 //! as that one is found, before all others; and together with it in the place of a similar effect that was found
-//! instead, because it comes closer by itself.
+//! instead, because it comes closer by itself. Further instances of an effect, such as ripples of other orders, are
+//! tried as soon as well: where there is one there are often several, and a round of all candidates for each of them
+//! would take most of the rollouts.
 
 use super::evidence::LogErrors;
 use super::judge::judge_rivals;
@@ -13,9 +15,12 @@ use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
+use crate::residual_model::Needs;
 
 /// A companion that leaves more than noise and this share of the sum of squares has to compete with all candidates.
 const MODEST: f64 = 0.5;
+/// The same for a further instance: each of several takes its part.
+const INSTANCE: f64 = 0.7;
 
 /// Largest error in noise floors at which companions are tried: what leaves more needs another effect first, and the
 /// rollouts for that.
@@ -26,16 +31,22 @@ fn is_near(objective: &Objective, state: &DiagnosisState) -> bool {
     state.leaves_something(objective, &state.fit) && chi(state.fit.squares(), objective.samples(LogSet::Learn)) <= NEAR
 }
 
-/// The best companion of what is found, if it explains most of what is left.
+/// The best companion of what is found, or a further instance of it, if it explains enough of what is left.
 pub(super) fn companion(objective: &Objective, state: &mut DiagnosisState) -> Option<(Rival, MissingEffect)> {
-    if !is_near(objective, state) {
+    if !state.leaves_something(objective, &state.fit) {
         return None;
     }
-    let companions: Vec<usize> =
-        state.offered(objective).into_iter().filter(|&c| objective.candidates()[c].needs.is_some()).collect();
+    let near = is_near(objective, state);
+    let may_leave = |candidate: usize| match objective.candidates()[candidate].needs {
+        Needs::OneOf(_) if near => Some(MODEST),
+        Needs::Instance(_) => Some(INSTANCE),
+        Needs::OneOf(_) | Needs::Nothing => None,
+    };
+    let companions: Vec<usize> = state.offered(objective).into_iter().filter(|&c| may_leave(c).is_some()).collect();
     let mut rivals = with_each(objective, &state.fit, &companions);
     rivals.retain(|rival| {
-        rival.fit.squares() < MODEST * state.fit.squares() || !state.leaves_something(objective, &rival.fit)
+        let share = may_leave(rival.candidate).unwrap_or(0.0);
+        rival.fit.squares() < share * state.fit.squares() || !state.leaves_something(objective, &rival.fit)
     });
     if rivals.is_empty() { None } else { judge_rivals(objective, state, rivals) }
 }
@@ -78,8 +89,9 @@ fn better_pair(objective: &Objective, state: &DiagnosisState, index: usize) -> O
     let no_larger =
         |effect: &&usize| candidates[**effect].parameters().count() <= candidates[found].parameters().count();
     let pairs = candidates[found].similar.iter().filter(no_larger).filter_map(|&effect| {
+        let changes = |needs: &Needs, other: usize| matches!(needs, Needs::OneOf(others) if others.contains(&other));
         let companions: Vec<usize> = (0..candidates.len())
-            .filter(|&c| candidates[c].needs.as_ref().is_some_and(|n| n.contains(&effect) && !n.contains(&found)))
+            .filter(|&c| changes(&candidates[c].needs, effect) && !changes(&candidates[c].needs, found))
             .collect();
         let base = (!companions.is_empty()).then(|| state.replaced(objective, &[index], &[effect])).flatten()?;
         let companion = with_each(objective, &base.fit, &companions).into_iter().next()?;

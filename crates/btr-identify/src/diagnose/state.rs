@@ -9,6 +9,7 @@ use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, NOISE, held_out_squares};
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
+use crate::residual_model::Needs;
 use std::ops::Range;
 
 /// How far parameters are perturbed to restart a search: amplitudes by this share, shapes by this much of their
@@ -39,7 +40,11 @@ impl DiagnosisState {
     /// The candidates that may be found next.
     pub(super) fn offered(&self, objective: &Objective) -> Vec<usize> {
         let chosen = |candidate: &usize| self.chosen.iter().any(|found| found.candidate == *candidate);
-        let acts = |needs: &Option<Vec<usize>>| needs.as_ref().is_none_or(|needs| needs.iter().any(chosen));
+        let acts = |needs: &Needs| match needs {
+            Needs::Nothing => true,
+            Needs::OneOf(others) => others.iter().any(chosen),
+            Needs::Instance(first) => chosen(first),
+        };
         let candidates = objective.candidates().iter().enumerate();
         candidates
             .filter(|(index, candidate)| !chosen(index) && acts(&candidate.needs))
@@ -47,9 +52,10 @@ impl DiagnosisState {
             .collect()
     }
 
-    /// Number of effects found, companions left out.
+    /// Number of effects found, companions and further instances left out.
     pub(super) fn effects(&self, objective: &Objective) -> usize {
-        self.chosen.iter().filter(|found| objective.candidates()[found.candidate].needs.is_none()).count()
+        let alone = |found: &&MissingEffect| objective.candidates()[found.candidate].needs == Needs::Nothing;
+        self.chosen.iter().filter(alone).count()
     }
 
     /// Makes the winner the new base.
@@ -114,6 +120,10 @@ impl DiagnosisState {
     pub(super) fn eliminate(&mut self, objective: &Objective) {
         let mut index = 0;
         while self.chosen.len() > 1 && index + 1 < self.chosen.len() {
+            if self.has_further_instances(objective, index) {
+                index += 1;
+                continue;
+            }
             let without = self.without(objective, index);
             let measure = ComparisonMeasure::of(objective, &self.fit);
             let needless = without.filter(|fit| {
@@ -130,6 +140,12 @@ impl DiagnosisState {
                 None => index += 1,
             }
         }
+    }
+
+    /// Whether an instance after this one is among the findings.
+    fn has_further_instances(&self, objective: &Objective, index: usize) -> bool {
+        let after = Needs::Instance(self.chosen[index].candidate);
+        self.chosen.iter().any(|found| objective.candidates()[found.candidate].needs == after)
     }
 
     /// The best fit without one of the chosen.

@@ -19,6 +19,17 @@ pub struct Ripple {
     pub channel: String,
 }
 
+/// What must have been found before a candidate is tried.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Needs {
+    /// Nothing.
+    Nothing,
+    /// One of these candidates, whose action it only changes: it is their companion.
+    OneOf(Vec<usize>),
+    /// This candidate, of which it is a further instance.
+    Instance(usize),
+}
+
 /// An effect that the model may lack at a site, or a value that it may state wrongly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffectCandidate {
@@ -40,9 +51,8 @@ pub struct EffectCandidate {
     pub similar: Vec<usize>,
     /// Those of them that it equals at some values of its parameters.
     pub nested: Vec<usize>,
-    /// Candidates of which one must have been found before: it only changes how they act. `None` where it acts by
-    /// itself.
-    pub needs: Option<Vec<usize>>,
+    /// What must have been found before.
+    pub needs: Needs,
 }
 
 impl EffectCandidate {

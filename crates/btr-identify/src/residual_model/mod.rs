@@ -14,7 +14,7 @@ mod parameter;
 mod request;
 
 pub use btr_core::world::TimeStep;
-pub use candidate::{CandidateKind, EffectCandidate, LawTerm, Ripple};
+pub use candidate::{CandidateKind, EffectCandidate, LawTerm, Needs, Ripple};
 pub use description::ModelDescription;
 pub use log::{LogStart, MeasuredChannel, RecordedLog, StartNumber};
 pub use parameter::{FitParameter, Parametrisation};

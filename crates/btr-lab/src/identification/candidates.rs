@@ -7,8 +7,9 @@ use super::catalogue::sites::{has_dry_friction, sites};
 use super::catalogue::values::{Catalogue, StatedValue, similar_to_value};
 use super::problem::{Change, IdentificationProblem};
 use btr_core::world::WorldError;
-use btr_identify::residual_model::{CandidateKind, EffectCandidate, LawTerm, Ripple};
+use btr_identify::residual_model::{CandidateKind, EffectCandidate, LawTerm, Needs, Ripple};
 use btr_physics::effects::{DryFriction, EFFECTS, Effect};
+use btr_physics::robot::site::{instance, numbered};
 use btr_physics::robot::{Actuator, Base};
 
 impl IdentificationProblem {
@@ -22,7 +23,7 @@ impl IdentificationProblem {
         self.offer_values(laws, without);
         for effect in EFFECTS.iter().copied().filter(|effect| !without.contains(&effect.spec().name)) {
             for site in sites(effect, &self.model) {
-                self.offer(effect, site);
+                self.offer_instances(effect, &site);
             }
         }
         self.offer_values(parts, without);
@@ -41,8 +42,9 @@ impl IdentificationProblem {
             let site = &self.candidates[changes].site;
             let adds =
                 |c: &usize| relation(&self.changes[*c]) == DryFriction::Adds && self.candidates[*c].site == *site;
-            let needs = (!has_dry_friction(&self.model, site)).then(|| all.clone().filter(adds).collect());
-            self.candidates[changes].needs = needs;
+            if !has_dry_friction(&self.model, site) {
+                self.candidates[changes].needs = Needs::OneOf(all.clone().filter(adds).collect());
+            }
         }
     }
 
@@ -66,12 +68,22 @@ impl IdentificationProblem {
             ripple: None,
             similar: Vec::new(),
             nested: Vec::new(),
-            needs: None,
+            needs: Needs::Nothing,
         });
         self.changes.push(Change::Values(targets));
     }
 
-    fn offer(&mut self, effect: &'static dyn Effect, site: String) {
+    /// The first instance of an effect that the model lacks at a site, and the further ones that it may have there:
+    /// each needs the one before.
+    fn offer_instances(&mut self, effect: &'static dyn Effect, site: &str) {
+        let (place, first) = instance(site);
+        for number in first..=effect.instances().max(first) {
+            let needs = if number > first { Needs::Instance(self.candidates.len() - 1) } else { Needs::Nothing };
+            self.offer(effect, numbered(place, number), needs);
+        }
+    }
+
+    fn offer(&mut self, effect: &'static dyn Effect, site: String, needs: Needs) {
         let spec = effect.spec();
         let (mut amplitudes, mut shapes) = (Vec::new(), Vec::new());
         for param in spec.params {
@@ -90,7 +102,7 @@ impl IdentificationProblem {
         }
         // A shape of this name is the order of a ripple in the joint's position.
         let order = spec.params.iter().filter(|param| param.shape).position(|param| param.name == "order");
-        let ripple = order.map(|shape| Ripple { shape, channel: format!("q_{site}") });
+        let ripple = order.map(|shape| Ripple { shape, channel: format!("q_{}", instance(&site).0) });
         self.near.push(self.limb_of(&site));
         let effect_name = spec.name.to_owned();
         let (similar, nested) = (Vec::new(), Vec::new());
@@ -104,13 +116,14 @@ impl IdentificationProblem {
             ripple,
             similar,
             nested,
-            needs: None,
+            needs,
         });
         self.changes.push(Change::Effect(effect));
     }
 
     /// The channels of the limb that a joint or a link belongs to; none if logs are compared as a whole.
     fn limb_of(&self, site: &str) -> Vec<String> {
+        let (site, _) = instance(site);
         if self.parts.iter().all(|part| part.windows.is_empty()) {
             return Vec::new();
         }
@@ -122,8 +135,10 @@ impl IdentificationProblem {
     /// that it moves.
     fn link_similar(&mut self) {
         let links = &self.model.robot.links;
-        let place =
-            |site: &str| links.iter().find(|link| link.joint.name == site).map_or(site, |link| &link.name).to_owned();
+        let place = |site: &str| {
+            let (site, _) = instance(site);
+            links.iter().find(|link| link.joint.name == site).map_or(site, |link| &link.name).to_owned()
+        };
         let places: Vec<String> = self.candidates.iter().map(|candidate| place(&candidate.site)).collect();
         let says = |a: usize, b: usize| {
             let similar = match &self.changes[a] {
@@ -191,7 +206,7 @@ impl IdentificationProblem {
         let (name, site) = (effect.spec().name.to_owned(), joint.to_owned());
         let (similar, nested) = (Vec::new(), Vec::new());
         let kind = CandidateKind::Effect;
-        let (ripple, needs) = (None, None);
+        let (ripple, needs) = (None, Needs::Nothing);
         let candidate =
             EffectCandidate { kind, effect: name, site, amplitudes, shapes, starts, ripple, similar, nested, needs };
         let swings = term.swings.map(|i| first + i);

@@ -123,6 +123,10 @@ pub trait Effect: Sync {
     fn is_common(&self) -> bool {
         false
     }
+    /// How many of it a joint may have that the motion can tell apart: ripples of unlike orders.
+    fn instances(&self) -> usize {
+        1
+    }
     /// What it has to do with the dry friction of its joint.
     fn dry_friction(&self) -> DryFriction {
         DryFriction::Unrelated

@@ -3,7 +3,8 @@
 //! `formula.PARAM@SITE`, the site as its effect has it).
 //!
 //! A site may be a comma-separated list and contain `*`; one value then holds for all matches. The value of an effect
-//! at one of several joints that the model places it at is that joint's own; the others keep theirs.
+//! at one of several joints that the model places it at is that joint's own; the others keep theirs. `SITE#2` is a
+//! second instance of the same effect there.
 
 mod error;
 mod quantity;
@@ -13,7 +14,7 @@ pub use quantity::motor_values;
 
 use crate::effects::{Effect, PlacedEffect};
 use crate::robot::Robot;
-use crate::robot::site::matches;
+use crate::robot::site::{instance, matches, numbered};
 use crate::robot::stretch;
 use crate::setup::Setup;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -166,7 +167,7 @@ impl Target {
             return index;
         }
         let own = PlacedEffect { site: self.site.clone(), ..placed[index].clone() };
-        placed[index].site = others.join(",");
+        placed[index].site = numbered(&others.join(","), instance(&self.site).1);
         placed.push(own);
         placed.len() - 1
     }
@@ -179,8 +180,8 @@ impl Target {
             all.iter().any(|(index, name)| index == link && matches(&p.site, name))
         };
         let covers = |p: &PlacedEffect| {
-            let same = p.effect.spec().name == effect.spec().name && !self.links.is_empty();
-            same && self.links.iter().all(|link| here(p, link))
+            let same = p.effect.spec().name == effect.spec().name && instance(&p.site).1 == instance(&self.site).1;
+            same && !self.links.is_empty() && self.links.iter().all(|link| here(p, link))
         };
         exactly.or_else(|| placed.iter().position(covers))
     }

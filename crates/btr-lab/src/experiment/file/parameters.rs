@@ -46,7 +46,7 @@ impl From<ScaleName> for Scale {
 pub struct EffectSection {
     /// Its name; `btr effects` lists them.
     pub effect: String,
-    /// Where it acts: a joint, a link, `base`, `*` or a pattern.
+    /// Where it acts: a joint, a link, `base`, `*` or a pattern; `JOINT#2` for the second instance there.
     #[serde(default = "everywhere")]
     pub site: String,
     /// Formula: the quantity that the law gives.

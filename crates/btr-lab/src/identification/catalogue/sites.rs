@@ -2,18 +2,23 @@
 
 use btr_physics::effects::{DryFriction, Effect, PlacedEffect, SiteKind};
 use btr_physics::model::Model;
-use btr_physics::robot::site::matches;
+use btr_physics::robot::site::{instance, matches, numbered};
 use btr_physics::robot::{JointKind, Robot};
 
-/// Sites at which an effect could act and is not yet present.
+/// Sites at which an effect could act and is not yet present; where a joint may have several, the first instance that
+/// is not.
 pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
     let spec = effect.spec();
     let taken = |site: &str| {
-        let here = |placed: &&PlacedEffect| placed.effect.spec().name == spec.name && matches(&placed.site, site);
+        let (name, number) = instance(site);
+        let same = |pattern: &str| matches(pattern, name) && instance(pattern).1 == number;
+        let here = |placed: &&PlacedEffect| placed.effect.spec().name == spec.name && same(&placed.site);
         let named = format!("{}.", spec.name);
-        let free_parameter = model.simulations.dims().iter().any(|dim| {
-            dim.name.starts_with(&named) && matches(dim.name.split_once('@').map_or("*", |(_, at)| at), site)
-        });
+        let free_parameter = model
+            .simulations
+            .dims()
+            .iter()
+            .any(|dim| dim.name.starts_with(&named) && same(dim.name.split_once('@').map_or("*", |(_, at)| at)));
         free_parameter || model.effects.iter().find(here).is_some_and(|placed| !placed.is_off())
     };
     let joints = || model.robot.movable().map(|(_, link)| link);
@@ -30,7 +35,8 @@ pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
         SiteKind::Ground if model.setup.ground.is_none() => Vec::new(),
         SiteKind::Ground | SiteKind::Robot => vec!["*".to_owned()],
     };
-    all.into_iter().filter(|site| !taken(site)).collect()
+    let first_free = |site: String| (1..=effect.instances()).map(|n| numbered(&site, n)).find(|site| !taken(site));
+    all.into_iter().filter_map(first_free).collect()
 }
 
 /// Whether a joint of the model has dry friction.

@@ -7,7 +7,7 @@ use btr_identify::residual_model::{FitParameter, Parametrisation};
 use btr_physics::effects::{Effect, FORMULA, Param, PlacedEffect, SiteKind};
 use btr_physics::model::Model;
 use btr_physics::model::parameter::Target;
-use btr_physics::robot::site::matches;
+use btr_physics::robot::site::{instance, matches, numbered};
 use btr_physics::robot::{Base, JointKind, Link, Robot};
 
 /// A usual error of a factor, as a logarithm, and the factor within which a value is searched.
@@ -93,7 +93,10 @@ impl<'a> Catalogue<'a> {
         }
         let joints = || self.model.robot.movable().map(|(_, link)| link.joint.name.clone());
         let single: Vec<String> = match spec.site {
-            SiteKind::Joint => joints().filter(|joint| matches(&placed.site, joint)).collect(),
+            SiteKind::Joint => {
+                let number = instance(&placed.site).1;
+                joints().filter(|joint| matches(&placed.site, joint)).map(|joint| numbered(&joint, number)).collect()
+            }
             _ => Vec::new(),
         };
         let apart = if single.len() > 1 { single } else { Vec::new() };
@@ -197,7 +200,8 @@ impl<'a> Catalogue<'a> {
         self.model.simulations.dims().iter().any(|dim| {
             let (what, at) = dim.name.split_once('@').unwrap_or((&dim.name, "*"));
             let same = what == name || what.split_once('.').is_some_and(|(effect, _)| effect == name);
-            same && names.iter().any(|name| matches(at, name) && matches(site, name))
+            same && instance(at).1 == instance(site).1
+                && names.iter().any(|name| matches(at, name) && matches(site, name))
         })
     }
 }

@@ -53,6 +53,11 @@ impl Effect for Cogging {
         &SPEC
     }
 
+    /// Magnets, slots, and every stage of a gear have orders of their own.
+    fn instances(&self) -> usize {
+        5
+    }
+
     fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {
         dof.torque.constant += p[0] * (p[1] * state.q + p[2]).sin();
     }
