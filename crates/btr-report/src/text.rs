@@ -90,13 +90,21 @@ pub fn corrected(value: &CorrectedValue) -> Vec<String> {
     vec![estimate.name.clone(), number(*in_model), number(estimate.value), estimate.unit.clone(), interval(estimate)]
 }
 
+/// A size that changes by this share without one of the logs is not known from the others.
+const LOST: f64 = 1.0;
+
 /// What speaks for a finding besides its fit.
 pub fn evidence(support: &Support) -> String {
     let Support { share, logs_better: [better, of], leave_one_out_change, established, .. } = support;
     let mut by =
         format!("it explains {:.0} % of the squared error above the noise, in {better} of {of} logs", 100.0 * share);
     if let Some(change) = leave_one_out_change {
-        by += &format!("; leaving out any one log changes its size by at most {:.0} %", (100.0 * change).ceil());
+        by += &match change {
+            change if *change < LOST => {
+                format!("; leaving out any one log changes its size by at most {:.0} %", (100.0 * change).ceil())
+            }
+            _ => "; without one of the logs its size would be unknown".to_owned(),
+        };
     }
     if *established { by } else { format!("{by}: not established, it may stand in for something else") }
 }

@@ -1,6 +1,7 @@
 //! The linear approximation around a base that ranks candidates: the residual's change grows with the amplitude of a
 //! probe, and the part that the base's parameters can produce as well is projected out.
 
+use super::onset::{Onsets, WITHIN};
 use super::start_point::{ProbeSizes, StartPoint, has_two_sides, with};
 use crate::fit::{FitPoint, Objective, corrected, rows_near, shared};
 use crate::residual_model::Parametrisation;
@@ -14,6 +15,8 @@ const NEAR: f64 = 2.0;
 const AT_REST: f64 = 0.01;
 /// Stiffness of parameters at a bound, relative to the information that the logs have about them.
 const HELD: f64 = 1e9;
+/// Size of a limit that is only reached where another parameter of its effect is on, in typical sizes.
+const UNREACHED: f64 = 0.6;
 /// Number of points that are simulated at once; limits the memory.
 const BATCH: usize = 48;
 
@@ -96,25 +99,28 @@ impl<'a> BasePoint<'a> {
         start: &StartPoint,
         sizes: &ProbeSizes,
     ) -> Option<StartPoint> {
-        let mut probes = self.probes(objective, start.candidate, &[start.shapes(objective)], sizes);
+        let around = |amplitude: usize| Some(start.u[amplitude]);
+        let mut probes = self.probes(objective, start.candidate, &[start.shapes(objective)], sizes, &around);
         probes.iter_mut().filter(|probe| start.u[probe.amplitude] < 0.0).for_each(|probe| probe.size = -probe.size);
         let columns = self.columns(objective, &probes);
         self.best_point(objective, &probes, &columns)
     }
 
-    /// The predicted best points of candidates, each for the best of its starts. Candidates that affect different
-    /// channels share a simulation.
+    /// The predicted best points of candidates, each for the best of its starts; `onsets` are those of limits.
+    /// Candidates that affect different channels share a simulation.
     pub(super) fn predicted_together(
         &self,
         objective: &Objective,
         offered: &[(usize, Vec<Vec<f64>>)],
         sizes: &ProbeSizes,
+        onsets: &Onsets,
     ) -> Vec<StartPoint> {
+        let onset = |amplitude: usize| onsets.get(&amplitude).copied();
         let candidates = objective.candidates();
         let mut predicted = Vec::new();
         for kind in offered.chunk_by(|(a, _), (b, _)| candidates[*a].effect == candidates[*b].effect) {
             let probes = |(candidate, starts): &(usize, Vec<Vec<f64>>)| {
-                let mut probes = self.probes(objective, *candidate, starts, sizes);
+                let mut probes = self.probes(objective, *candidate, starts, sizes, &onset);
                 if has_two_sides(objective, &candidates[*candidate]) {
                     probes.extend(mirrored(objective, &probes));
                 }
@@ -147,18 +153,33 @@ impl<'a> BasePoint<'a> {
         found.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    fn probes(&self, objective: &Objective, index: usize, starts: &[Vec<f64>], sizes: &ProbeSizes) -> Vec<Probe> {
+    /// The probes of a candidate from each of its starts; those of limits are multiples of where `limit` has them.
+    fn probes(
+        &self,
+        objective: &Objective,
+        index: usize,
+        starts: &[Vec<f64>],
+        sizes: &ProbeSizes,
+        limit: &dyn Fn(usize) -> Option<f64>,
+    ) -> Vec<Probe> {
         let candidate = &objective.candidates()[index];
-        let has = |law| candidate.amplitudes.iter().any(|&k| objective.parameters()[k].law == law);
+        let is = |amplitude: usize, law| objective.parameters()[amplitude].law == law;
+        let has = |law| candidate.amplitudes.iter().any(|&k| is(k, law));
         let sizes = match (has(Parametrisation::Inverse), has(Parametrisation::Compliance)) {
             (true, _) => sizes.limits,
             (false, true) => sizes.compliances,
             (false, false) => sizes.amplitudes,
         };
+        let sized = |amplitude: usize, size: f64| match is(amplitude, Parametrisation::Inverse) {
+            true => limit(amplitude).map(|unit| unit * size).filter(|size| *size < WITHIN.1),
+            false => Some(size),
+        };
+        let is_reached = |size: &&f64| candidate.amplitudes.iter().any(|&k| sized(k, **size).is_some());
         let mut probes = Vec::new();
         for shapes in starts {
-            for &size in sizes {
+            for &size in sizes.iter().filter(is_reached) {
                 for &amplitude in &candidate.amplitudes {
+                    let size = sized(amplitude, size).unwrap_or(UNREACHED);
                     probes.push(Probe { candidate: index, shapes: shapes.clone(), amplitude, size });
                 }
             }

@@ -5,6 +5,7 @@
 //! with the largest error; the best candidates are then probed on all logs.
 
 mod linear;
+mod onset;
 mod start_point;
 
 use crate::fit::{FitPoint, LogSet, Objective, corrected, shared, squares};
@@ -18,12 +19,12 @@ use std::cmp::Ordering::Equal;
 /// Probes of the first pass, and of the second one.
 const COARSE: ProbeSizes = ProbeSizes {
     amplitudes: &[0.5],
-    limits: &[0.04, 0.08, 0.15, 0.3, 0.6, 1.0, 1.7],
+    limits: &[1.02, 1.06, 1.15, 1.35, 1.8, 2.6, 4.0, 7.0, 13.0, 25.0, 50.0],
     compliances: &[0.02, 0.08, 0.15, 0.3, 0.6],
 };
 const FINE: ProbeSizes = ProbeSizes {
     amplitudes: &[0.3, 1.5],
-    limits: &[0.03, 0.05, 0.08, 0.12, 0.18, 0.27, 0.4, 0.6, 1.0, 1.5, 2.3],
+    limits: &[0.6, 0.77, 0.88, 0.95, 1.0, 1.06, 1.15, 1.35, 1.7],
     compliances: &[0.01, 0.03, 0.07, 0.12, 0.18, 0.27, 0.4, 0.6, 1.0],
 };
 /// Probes for candidates whose best amplitude lies beyond the range of the second pass: after a foot has lost contact,
@@ -66,12 +67,16 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
     let Some((log, rows)) = bases.first().and_then(|base| objective.worst_logs(&base.residual, 1).pop()) else {
         return Vec::new();
     };
+    let Some(reached) = bases.first().map(|base| onset::onsets(objective, &base.in_rows(rows.clone()), log, offered))
+    else {
+        return Vec::new();
+    };
     let probe_coarsely = |(index, base): (usize, &FitPoint)| {
         let on_log = base.in_rows(rows.clone());
         let starts = |&candidate: &usize| (candidate, starts(objective, candidate, log, &on_log.residual));
         let offered: Vec<(usize, Vec<Vec<f64>>)> = offered.iter().map(starts).collect();
         let base = BasePoint::new(objective, index, &on_log, vec![log]);
-        base.map_or_else(Vec::new, |base| base.predicted_together(objective, &offered, &COARSE))
+        base.map_or_else(Vec::new, |base| base.predicted_together(objective, &offered, &COARSE, &reached))
     };
     let coarse = best(bases.iter().enumerate().flat_map(probe_coarsely).collect(), COARSE_PASS);
     // Each candidate is probed from the first base, and from the one with its best prediction.

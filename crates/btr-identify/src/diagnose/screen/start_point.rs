@@ -7,7 +7,8 @@ use crate::residual_model::EffectCandidate;
 pub(super) struct ProbeSizes {
     /// Amplitudes, in typical sizes.
     pub amplitudes: &'static [f64],
-    /// Coordinates of limits. A limit acts only below some threshold, so these are not extrapolated.
+    /// Limits, in multiples of the coordinate of a limit that is just reached in the first pass, and of the best one of
+    /// that pass in the second. A limit acts only from some point on, so these are not extrapolated.
     pub limits: &'static [f64],
     /// Coordinates of compliances, over more than a decade: they are extrapolated a little.
     pub compliances: &'static [f64],
