@@ -179,6 +179,21 @@ fn a_stopped_diagnosis_names_the_first_of_what_a_whole_one_names() {
     assert!(stopped_with.iter().all(|count| *count > 0), "{stopped_with:?}");
 }
 
+/// One effect shows in the training logs, another one in the held-out log.
+#[test]
+fn effects_that_show_in_different_logs_are_found_together() {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        let (often, rarely) = if log == 2 { (0.1, 1.0) } else { (1.0, 0.25) };
+        u[0] * swing(3.0, log, t) + u[1] * often * swing(5.0, log, t) + u[2] * rarely * swing(7.0, log, t)
+    };
+    let model = SyntheticModel::new(&["training", "held_out"], &[0.4, 9.0, 20.0], motion);
+    let diagnosis = model.diagnosis();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["training", "held_out"]));
+    // The held-out logs do not confirm the second one beside the first.
+    let alone = SyntheticModel::new(&["training", "held_out"], &[0.4, 9.0, 0.0], motion).diagnosis();
+    assert_eq!(names(&alone), vec!["training"]);
+}
+
 /// Friction, its creep, which does nothing without it, and an effect that comes closer than friction alone.
 fn friction_that_creeps(truth: &[f64]) -> SyntheticModel {
     let motion = |u: &[f64], log: usize, t: f64, _: f64| {

@@ -123,18 +123,10 @@ fn accept_pair(objective: &mut Objective, state: &mut DiagnosisState, pair: Pair
     (found.effect, found.site, found.candidate) = (similar.effect.clone(), similar.site.clone(), effect);
     (found.kind, found.delta_bic) = (similar.kind, found.delta_bic + gained);
     found.alike.retain(|alike| *alike != similar.name());
-    let (name, site, kind) = (added.effect.clone(), added.site.clone(), added.kind);
+    let probability = 1.0 / (1.0 + (-gained / 2.0).exp());
+    let added = MissingEffect::of(companion.candidate, added, probability, gained);
     state.record(objective, step, on_step);
     let after = LogErrors::of(objective, &state.fit, state.held_out);
-    state.chosen.push(MissingEffect {
-        kind,
-        evidence: Evidence::of(&before, &after, state.unexplained_at_first),
-        effect: name,
-        site,
-        alike: Vec::new(),
-        probability: 1.0 / (1.0 + (-gained / 2.0).exp()),
-        delta_bic: gained,
-        parameters: Vec::new(),
-        candidate: companion.candidate,
-    });
+    let evidence = Evidence::of(&before, &after, state.unexplained_at_first);
+    state.chosen.push(MissingEffect { evidence, ..added });
 }

@@ -1,12 +1,37 @@
 //! Acceptance of one of the fitted candidates.
 
 use super::refit::Rival;
-use super::report::{Evidence, MissingEffect, RankedCandidate, RivalPoint};
+use super::report::{MissingEffect, RankedCandidate, RivalPoint};
 use super::state::{DiagnosisState, earns_its_parameters};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
 use crate::fit::residual_vector::chi;
-use crate::fit::{LogSet, Objective};
+use crate::fit::{FitPoint, LogSet, Objective};
+
+/// Share of the sum of squares that an effect must explain for another one to be looked for beside it although the
+/// held-out logs do not confirm it.
+const SHOWN: f64 = 0.2;
+
+/// The first of the rivals, which are sorted by B, if the training logs show it clearly.
+fn unconfirmed(
+    objective: &Objective,
+    state: &DiagnosisState,
+    measure: &ComparisonMeasure,
+    rivals: &[Rival],
+) -> Option<(Rival, MissingEffect)> {
+    let (first, others) = rivals.split_first()?;
+    let behind = |fit: &FitPoint| measure.criterion(fit) - measure.criterion(&first.fit);
+    let gained = behind(&state.fit);
+    if gained <= DECISIVE || first.fit.squares() >= (1.0 - SHOWN) * state.fit.squares() {
+        return None;
+    }
+    let belief = |fit: &FitPoint| (-behind(fit) / 2.0).exp();
+    let total = 1.0 + belief(&state.fit) + others.iter().map(|r| belief(&r.fit)).sum::<f64>();
+    let candidates = objective.candidates();
+    let alike = others.iter().filter(|r| behind(&r.fit) <= DECISIVE).map(|r| candidates[r.candidate].name()).collect();
+    let found = MissingEffect::of(first.candidate, &candidates[first.candidate], 1.0 / total, gained);
+    Some((first.clone(), MissingEffect { alike, ..found }))
+}
 
 /// The rival with the lowest B that passes all three tests; of several that tie, the simplest, and of equally simple
 /// ones the first of the library, so that mechanically equivalent effects always get the same name. `None` where
@@ -38,8 +63,10 @@ pub(super) fn judge_rivals(
         before - measure.criterion(&r.fit) > DECISIVE && learnt > LEARNT_FALL && confirmed(**squares)
     };
     let passing: Vec<&Rival> = rivals.iter().zip(&held_out).filter(passes).map(|(r, _)| r).collect();
-    let best = measure.criterion(&passing.first()?.fit);
-    if best - measure.criterion(&rivals.first()?.fit) > DECISIVE {
+    let first = rivals.first()?;
+    let best = passing.first().map_or(f64::INFINITY, |r| measure.criterion(&r.fit));
+    if best - measure.criterion(&first.fit) > DECISIVE {
+        state.unconfirmed = unconfirmed(objective, state, &measure, &rivals);
         return None;
     }
     let leader = passing.first()?;
@@ -58,16 +85,10 @@ pub(super) fn judge_rivals(
         let point = |r: &&Rival| RivalPoint { candidate: r.candidate, u: r.fit.u.clone() };
         state.rivals = [&winner].iter().chain(&alike).map(point).collect();
     }
+    let gained = before - measure.criterion(&winner.fit);
     let found = MissingEffect {
-        kind: candidates[winner.candidate].kind,
-        evidence: Evidence::default(),
-        effect: candidates[winner.candidate].effect.clone(),
-        site: candidates[winner.candidate].site.clone(),
         alike: alike.iter().map(|r| candidates[r.candidate].name()).collect(),
-        probability: winning / total,
-        delta_bic: before - measure.criterion(&winner.fit),
-        parameters: Vec::new(),
-        candidate: winner.candidate,
+        ..MissingEffect::of(winner.candidate, &candidates[winner.candidate], winning / total, gained)
     };
     Some((winner, found))
 }

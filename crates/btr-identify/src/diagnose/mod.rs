@@ -16,6 +16,7 @@ mod screen;
 mod short_parts;
 mod state;
 pub mod thresholds;
+mod together;
 
 pub use report::{DiagnoseOptions, Diagnosis, Evidence, MissingEffect, RankedCandidate, RivalPoint, Verdict};
 pub use residual_law::ResidualLaw;
@@ -29,6 +30,7 @@ use refit::Rival;
 use residual_law::residual_law;
 use round::{SecondLooks, round};
 use state::DiagnosisState;
+use together::together;
 
 /// Share of the rollouts for effects; the rest is for a law.
 const SEARCH: f64 = 0.8;
@@ -107,13 +109,24 @@ fn go_on(
             cut_short = true;
             break;
         }
-        let Some((rival, found)) = found else {
-            cut_short = second_looks.refused;
-            break;
-        };
-        // An accepted effect is finished: stopped halfway, it would be neither fitted nor judged.
-        objective.set_stoppable(false);
-        add(objective, &mut state, rival, found, on_step);
+        match found {
+            // An accepted effect is finished: stopped halfway, it would be neither fitted nor judged.
+            Some((rival, found)) => {
+                objective.set_stoppable(false);
+                add(objective, &mut state, rival, found, on_step);
+            }
+            None => match two(objective, &mut state, question, &mut second_looks) {
+                Some(both) => {
+                    both.ladder[state.ladder.len()..].iter().for_each(on_step);
+                    state = both;
+                    objective.set_stoppable(false);
+                }
+                None => {
+                    cut_short = second_looks.refused || objective.is_stopped();
+                    break;
+                }
+            },
+        }
         exchange(objective, &mut state, on_step);
         while let Some((rival, found)) = companion(objective, &mut state) {
             add(objective, &mut state, rival, found, on_step);
@@ -126,6 +139,24 @@ fn go_on(
         }
     }
     Diagnosis { cut_short, ..conclude(objective, question, state) }
+}
+
+/// The state with two effects that are only confirmed together, if there are such and the rollouts allow to look.
+fn two(
+    objective: &mut Objective,
+    state: &mut DiagnosisState,
+    question: DiagnoseOptions,
+    second_looks: &mut SecondLooks,
+) -> Option<DiagnosisState> {
+    let next = objective.rollouts().saturating_add(screen::rollouts(objective));
+    let (room, allowed) = (state.effects(objective) + 2 <= question.max_effects, question.allows(SEARCH, next));
+    second_looks.refused |= room && !allowed && state.unconfirmed.is_some();
+    let step = objective.step();
+    let both = (room && allowed).then(|| together(objective, state, second_looks)).flatten();
+    if both.is_none() && objective.step() != step {
+        state.integrator = state.fit.renew_step_error(objective);
+    }
+    both
 }
 
 /// Adds an effect to the findings, and drops or replaces earlier ones by simpler ones where it makes them superfluous.
@@ -156,6 +187,7 @@ fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<Dia
         ladder: Vec::new(),
         rivals: Vec::new(),
         rounds: Vec::new(),
+        unconfirmed: None,
         integrator: fit.renew_step_error(objective),
         unexplained_at_first: 0.0,
     };

@@ -3,7 +3,7 @@
 use super::residual_law::ResidualLaw;
 use crate::LadderStep;
 use crate::fit::{Estimate, FitPoint};
-use crate::residual_model::CandidateKind;
+use crate::residual_model::{CandidateKind, EffectCandidate};
 use serde::{Deserialize, Serialize};
 
 /// Limits of a diagnosis.
@@ -88,6 +88,23 @@ pub struct MissingEffect {
     /// Index of the candidate.
     #[serde(skip)]
     pub candidate: usize,
+}
+
+impl MissingEffect {
+    /// A candidate with this index that lowered B by `delta_bic`, not weighed and without estimates.
+    pub(super) fn of(index: usize, candidate: &EffectCandidate, probability: f64, delta_bic: f64) -> Self {
+        MissingEffect {
+            kind: candidate.kind,
+            evidence: Evidence::default(),
+            effect: candidate.effect.clone(),
+            site: candidate.site.clone(),
+            alike: Vec::new(),
+            probability,
+            delta_bic,
+            parameters: Vec::new(),
+            candidate: index,
+        }
+    }
 }
 
 /// A candidate that was fitted in a round.

@@ -53,6 +53,7 @@ pub(super) fn round(
     state: &mut DiagnosisState,
     second_looks: &mut SecondLooks,
 ) -> Option<(Rival, MissingEffect)> {
+    state.unconfirmed = None;
     let offered = state.offered(objective);
     let (mut rivals, mut starts) = from_short_parts(objective, state, &Derivation::Beginnings, &offered);
     rivals = best_of_each(rivals);

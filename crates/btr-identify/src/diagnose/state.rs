@@ -20,6 +20,7 @@ const PERTURBATIONS: usize = 3;
 const LOWER: f64 = 0.99;
 
 /// The base of a round and the effects found so far.
+#[derive(Clone)]
 pub(super) struct DiagnosisState {
     pub(super) fit: FitPoint,
     /// The fit without any effect.
@@ -30,6 +31,8 @@ pub(super) struct DiagnosisState {
     pub(super) ladder: Vec<LadderStep>,
     pub(super) rivals: Vec<RivalPoint>,
     pub(super) rounds: Vec<Vec<RankedCandidate>>,
+    /// What the training logs show best in the last round, if the held-out logs did not confirm it.
+    pub(super) unconfirmed: Option<(Rival, MissingEffect)>,
     /// The integrator's error, in multiples of the noise floor.
     pub(super) integrator: f64,
     /// The mean square error before the first finding, on the logs that judge it; 0 before that.
@@ -149,7 +152,7 @@ impl DiagnosisState {
     }
 
     /// The best fit without one of the chosen.
-    fn without(&self, objective: &Objective, index: usize) -> Option<FitPoint> {
+    pub(super) fn without(&self, objective: &Objective, index: usize) -> Option<FitPoint> {
         let removed = self.less(objective, &[index]).map(|mut fit| {
             fit.solve(objective, SearchBudget { jacobians: 2, steps: 12 });
             fit

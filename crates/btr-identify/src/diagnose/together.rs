@@ -1,0 +1,40 @@
+//! Two effects that only show together: where the training logs show one best and the held-out logs another, neither is
+//! accepted alone. The one that the training logs show is taken for granted, and a round looks for the other.
+
+use super::evidence::LogErrors;
+use super::report::Evidence;
+use super::round::{SecondLooks, round};
+use super::state::DiagnosisState;
+use super::thresholds::HELD_OUT_FALL;
+use crate::fit::Objective;
+use crate::fit::measure::held_out_squares;
+
+/// The state with the effect that was not confirmed in the last round and another one, if the held-out logs confirm
+/// both: each lowers their error beside the other.
+pub(super) fn together(
+    objective: &mut Objective,
+    state: &DiagnosisState,
+    second_looks: &mut SecondLooks,
+) -> Option<DiagnosisState> {
+    let (rival, found) = state.unconfirmed.clone()?;
+    let first = found.candidate;
+    let mut both = state.clone();
+    both.accept(objective, rival, found, &|_| {});
+    let (rival, found) = round(objective, &mut both, second_looks)?;
+    if objective.is_stopped() {
+        return None;
+    }
+    both.accept(objective, rival, found, &|_| {});
+    both.eliminate(objective);
+    let falls = |from: Option<f64>, to: f64| from.is_some_and(|from| to < (1.0 - HELD_OUT_FALL) * from);
+    let now = both.held_out?;
+    let Some(index) = both.chosen.iter().position(|found| found.candidate == first) else {
+        return falls(state.held_out, now).then_some(both);
+    };
+    let without = both.without(objective, index)?;
+    let alone = held_out_squares(objective, &without.u);
+    let before = LogErrors::of(objective, &without, alone);
+    let after = LogErrors::of(objective, &both.fit, both.held_out);
+    both.chosen[index].evidence = Evidence::of(&before, &after, both.unexplained_at_first);
+    (falls(state.held_out, now) && falls(alone, now)).then_some(both)
+}
