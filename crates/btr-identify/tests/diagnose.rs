@@ -194,6 +194,20 @@ fn effects_that_show_in_different_logs_are_found_together() {
     assert_eq!(names(&alone), vec!["training"]);
 }
 
+/// Beside a large error of another cause, two laws are alike; without it, one of them is right.
+#[test]
+fn what_was_alike_is_compared_again_once_the_rest_is_known() {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        let part = |rate: f64| swing(rate, log, t);
+        u[0] * part(3.0) + u[1] * part(5.0) + u[2] * (part(5.0) + 0.05 * part(7.0)) + u[3] * part(11.0)
+    };
+    let model = SyntheticModel::new(&["simple", "right", "other"], &[0.4, 0.0, 20.0, 15.0], motion);
+    let diagnosis = model.diagnosis();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["right", "other"]));
+    let steps: Vec<&str> = diagnosis.ladder.iter().map(|step| step.step.as_str()).collect();
+    assert!(steps.contains(&"right@here for simple@here"), "{steps:?}");
+}
+
 /// Friction, its creep, which does nothing without it, and an effect that comes closer than friction alone.
 fn friction_that_creeps(truth: &[f64]) -> SyntheticModel {
     let motion = |u: &[f64], log: usize, t: f64, _: f64| {

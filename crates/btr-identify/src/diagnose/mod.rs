@@ -131,6 +131,7 @@ fn go_on(
         while let Some((rival, found)) = companion(objective, &mut state) {
             add(objective, &mut state, rival, found, on_step);
         }
+        state.reconsider(objective, on_step);
         objective.set_stoppable(true);
         let contact = objective.description.has_contact;
         if state.leaves_something(objective, &state.fit) || (!contact && state.fails_on_held_out(objective)) {

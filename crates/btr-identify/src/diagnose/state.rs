@@ -223,6 +223,31 @@ impl DiagnosisState {
         }
     }
 
+    /// Compares findings again with what could not be told from them before the others were known, where an error is
+    /// left: replaces each by one that explains decisively more.
+    pub(super) fn reconsider(&mut self, objective: &Objective, on_step: &dyn Fn(&LadderStep)) {
+        let candidates = objective.candidates();
+        for index in 0..self.chosen.len().saturating_sub(1) {
+            if !self.leaves_something(objective, &self.fit) {
+                return;
+            }
+            let chosen = |candidate: &usize| self.chosen.iter().any(|found| found.candidate == *candidate);
+            let was_alike = |candidate: &usize| self.chosen[index].alike.contains(&candidates[*candidate].name());
+            let alike: Vec<usize> = (0..candidates.len()).filter(|c| was_alike(c) && !chosen(c)).collect();
+            let rival = if alike.is_empty() { None } else { self.replaced(objective, &[index], &alike) };
+            let Some(rival) = rival else { continue };
+            let measure = ComparisonMeasure::of(objective, &rival.fit);
+            let gains = measure.criterion(&self.fit) - measure.criterion(&rival.fit);
+            let held_out = self.held_out.and_then(|_| held_out_squares(objective, &rival.fit.u));
+            let confirmed = self.held_out.is_none_or(|now| held_out.is_some_and(|b| b < (1.0 - HELD_OUT_FALL) * now));
+            if gains > DECISIVE && rival.fit.squares() < (1.0 - LEARNT_FALL) * self.fit.squares() && confirmed {
+                self.rename(objective, index, rival, -gains);
+                self.chosen[index].alike.clear();
+                self.ladder.last().into_iter().for_each(on_step);
+            }
+        }
+    }
+
     fn rename(&mut self, objective: &Objective, index: usize, rival: Rival, costs: f64) {
         let (effect, found) = (&objective.candidates()[rival.candidate], &mut self.chosen[index]);
         let before = format!("{}@{}", found.effect, found.site);
