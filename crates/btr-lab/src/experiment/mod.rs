@@ -9,6 +9,7 @@ mod real_tests;
 mod replays;
 mod source;
 
+pub(crate) use file::USUAL_STEPS;
 pub use file::{
     CommandSection, DriveSection, File, LogIndexSection, LogsSection, NoiseSection, RealitySource, SimulationSection,
     TwinSection,

@@ -1,8 +1,9 @@
 //! The adapted model as a file: the experiment's text with the estimates written in and its comments kept.
 
 use super::paths::{anchor, with_schema};
-use crate::experiment::{SimulationSection, Source};
+use crate::experiment::{SimulationSection, Source, USUAL_STEPS};
 use btr_core::space::Space;
+use btr_physics::setup::Setup;
 use std::path::Path;
 use toml_edit::{DocumentMut, Item, Table, TomlError};
 
@@ -126,15 +127,18 @@ fn note_precedence(document: &mut DocumentMut) {
     }
 }
 
-/// The text of a model file with each time step divided into `times`; the sampling times are unchanged.
+/// The text of the model's file with each time step divided into `times`; the sampling times are unchanged.
 ///
 /// # Errors
 /// See [`adapted`].
-pub fn in_finer_steps(text: &str, times: u32) -> Result<String, TomlError> {
+pub fn in_finer_steps(text: &str, model: &Setup, times: u32) -> Result<String, TomlError> {
     let mut document = text.parse::<DocumentMut>()?;
-    let default = SimulationSection::default();
     let simulation = document.entry("simulation").or_insert_with(toml_edit::table);
-    for (key, default) in [("steps_per_control", default.steps_per_control), ("sample_every", default.sample_every)] {
+    // The logs' commands set the period where the file does not.
+    let by_logs = simulation.get("control_s").is_none();
+    let steps = if by_logs { (model.control_s / model.dt_s).round() as u32 } else { USUAL_STEPS };
+    let every = SimulationSection::default().sample_every;
+    for (key, default) in [("steps_per_control", steps), ("sample_every", every)] {
         let now = simulation.get(key).and_then(|item| item.as_integer()).unwrap_or(i64::from(default));
         if let Some(table) = simulation.as_table_like_mut() {
             table.insert(key, toml_edit::value(now * i64::from(times)));
@@ -150,8 +154,11 @@ mod tests {
 
     #[test]
     fn finer_steps_are_sampled_at_the_same_times() {
-        let finer = in_finer_steps("[simulation]\nsteps_per_control = 10 # 1 ms\n", 4).unwrap();
+        let setup = Setup { control_s: 0.01, dt_s: 0.0025, ..Setup::default() };
+        let finer = in_finer_steps("[simulation]\nsteps_per_control = 10 # 1 ms\n", &setup, 4).unwrap();
         assert_eq!(finer, "[simulation]\nsteps_per_control = 40\nsample_every = 4\n");
-        assert!(in_finer_steps("name = \"arm\"\n", 2).unwrap().contains("steps_per_control = 14"));
+        let steps = |text: &str| in_finer_steps(text, &setup, 2).unwrap();
+        assert!(steps("name = \"arm\"\n").contains("steps_per_control = 8"));
+        assert!(steps("[simulation]\ncontrol_s = 0.02\n").contains("steps_per_control = 14"));
     }
 }

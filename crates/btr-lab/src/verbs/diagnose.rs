@@ -57,7 +57,8 @@ impl VerbInput {
         let added = added.map(|k| (parameters[k].name.as_str(), parameters[k].value(fit.u[k])));
         let free = problem.model().simulations.dims().iter().map(|dim| dim.name.as_str()).zip(self.values(fit));
         let text = adapted(&source, free.chain(added), into)?;
-        Ok(if *step == TimeStep::USUAL { text } else { in_finer_steps(&text, step.divides_by())? })
+        let setup = &problem.model().setup;
+        Ok(if *step == TimeStep::USUAL { text } else { in_finer_steps(&text, setup, step.divides_by())? })
     }
 
     /// What adds a finding to the model's text.

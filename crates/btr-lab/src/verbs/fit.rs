@@ -90,7 +90,8 @@ impl VerbInput {
     pub fn fitted_text(&self, fit: &FitPoint, step: TimeStep, into: &Path) -> Result<String, TomlError> {
         let names = self.problem.model().simulations.dims().iter().map(|dim| dim.name.as_str());
         let text = adapted(&self.source, names.zip(self.values(fit)), into)?;
-        if step == TimeStep::USUAL { Ok(text) } else { in_finer_steps(&text, step.divides_by()) }
+        let setup = &self.problem.model().setup;
+        if step == TimeStep::USUAL { Ok(text) } else { in_finer_steps(&text, setup, step.divides_by()) }
     }
 
     /// The model's time step after the halvings of `step`, in s.

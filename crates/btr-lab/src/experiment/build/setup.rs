@@ -21,11 +21,12 @@ impl Builder<'_> {
         if let Some((key, value)) = positive.iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
             return Err(self.error(&["simulation", key], format!("{key} = {value} must be positive"), None));
         }
-        let counts = [("steps_per_control", s.steps_per_control), ("sample_every", s.sample_every)];
+        let steps = s.steps(control_s);
+        let counts = [("steps_per_control", steps), ("sample_every", s.sample_every)];
         if let Some((key, _)) = counts.iter().find(|(_, count)| *count == 0) {
             return Err(self.error(&["simulation", key], format!("{key} must be at least 1"), None));
         }
-        let dt_s = control_s / f64::from(s.steps_per_control);
+        let dt_s = control_s / f64::from(steps);
         let control_s = control_period(recorded, control_s, dt_s);
         let floating = robot.base == Base::Floating;
         Ok(Setup {

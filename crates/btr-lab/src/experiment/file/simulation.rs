@@ -4,6 +4,12 @@ use btr_physics::setup::EngineName;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// Steps per control period, as in the paper...
+pub(crate) const USUAL_STEPS: u32 = 7;
+/// ... unless they would be shorter than this for logs that are sampled fast: where the error of a step shows, fits and
+/// diagnoses halve it.
+const LONG_STEP_S: f64 = 0.0025;
+
 /// Time steps, ground, ball, gravity.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -12,8 +18,9 @@ pub struct SimulationSection {
     /// without logs. Commands of logs that change with every sample are applied at their own rate, at most once per
     /// step.
     pub control_s: Option<f64>,
-    /// Physics steps between two references; the step is `control_s / steps_per_control`.
-    pub steps_per_control: u32,
+    /// Physics steps between two references; the step is `control_s / steps_per_control`. Default: 7; without
+    /// `control_s`, fewer for fast logs, so that a step lasts 2.5 ms if 7 would be shorter.
+    pub steps_per_control: Option<u32>,
     /// Whether references are interpolated between control ticks instead of held.
     pub interpolate: bool,
     /// Duration T_e of a test in s; recorded logs have their own duration.
@@ -34,7 +41,7 @@ impl Default for SimulationSection {
     fn default() -> Self {
         SimulationSection {
             control_s: None,
-            steps_per_control: 7,
+            steps_per_control: None,
             interpolate: false,
             duration_s: 2.0,
             sample_every: 1,
@@ -43,6 +50,16 @@ impl Default for SimulationSection {
             ball: None,
             engine: EngineName::Auto,
         }
+    }
+}
+
+impl SimulationSection {
+    /// Physics steps in a control period of `control_s`.
+    pub(crate) fn steps(&self, control_s: f64) -> u32 {
+        self.steps_per_control.unwrap_or_else(|| match self.control_s {
+            Some(_) => USUAL_STEPS,
+            None => (control_s / LONG_STEP_S).ceil().clamp(1.0, f64::from(USUAL_STEPS)) as u32,
+        })
     }
 }
 

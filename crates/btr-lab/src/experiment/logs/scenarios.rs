@@ -71,7 +71,7 @@ impl ScenarioSet {
     ) -> Result<Option<f64>, FileError> {
         let path = &log.path;
         let simulation = &reader.file.simulation;
-        let dt_s = simulation.control_s.map(|control_s| control_s / f64::from(simulation.steps_per_control));
+        let dt_s = simulation.control_s.map(|control_s| control_s / f64::from(simulation.steps(control_s)));
         self.notice(path, usable::warnings(&log.log, dt_s));
         let (pieces, noticed) = pieces::pieces(path, &log.log)?;
         self.notice(path, noticed);
