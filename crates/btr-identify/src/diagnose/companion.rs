@@ -22,12 +22,12 @@ const MODEST: f64 = 0.5;
 /// The same for a further instance: each of several takes its part.
 const INSTANCE: f64 = 0.7;
 
-/// Largest error in noise floors at which companions are tried: what leaves more needs another effect first, and the
+/// Largest error in noise floors at which companions and what was alike are tried: what leaves more needs another effect first, and the
 /// rollouts for that.
 const NEAR: f64 = 20.0;
 
 /// Whether the findings leave something, but not too much for companions.
-fn is_near(objective: &Objective, state: &DiagnosisState) -> bool {
+pub(super) fn is_near(objective: &Objective, state: &DiagnosisState) -> bool {
     state.leaves_something(objective, &state.fit) && chi(state.fit.squares(), objective.samples(LogSet::Learn)) <= NEAR
 }
 

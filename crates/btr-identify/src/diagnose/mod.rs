@@ -25,7 +25,7 @@ use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, NOISE};
 use crate::fit::{FitPoint, Intervals, Objective, RESTARTS, SearchBudget, estimates};
 use btr_core::world::{Cancelled, WorldError};
-use companion::{companion, exchange};
+use companion::{companion, exchange, is_near};
 use refit::Rival;
 use residual_law::residual_law;
 use round::{SecondLooks, round};
@@ -131,7 +131,9 @@ fn go_on(
         while let Some((rival, found)) = companion(objective, &mut state) {
             add(objective, &mut state, rival, found, on_step);
         }
-        state.reconsider(objective, on_step);
+        if is_near(objective, &state) {
+            state.reconsider(objective, on_step);
+        }
         objective.set_stoppable(true);
         let contact = objective.description.has_contact;
         if state.leaves_something(objective, &state.fit) || (!contact && state.fails_on_held_out(objective)) {

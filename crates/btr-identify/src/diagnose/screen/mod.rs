@@ -9,7 +9,7 @@ mod onset;
 mod start_point;
 
 use crate::fit::{FitPoint, LogSet, Objective, corrected, shared, squares};
-use crate::residual_model::{EffectCandidate, Parametrisation};
+use crate::residual_model::{EffectCandidate, Needs, Parametrisation};
 use btr_core::signal::ripple::orders;
 use linear::{BasePoint, STRETCH};
 use start_point::ProbeSizes;
@@ -24,7 +24,7 @@ const COARSE: ProbeSizes = ProbeSizes {
 };
 const FINE: ProbeSizes = ProbeSizes {
     amplitudes: &[0.3, 1.5],
-    limits: &[0.6, 0.77, 0.88, 0.95, 1.0, 1.06, 1.15, 1.35, 1.7],
+    limits: &[0.3, 0.55, 0.77, 0.9, 0.97, 1.0, 1.04, 1.12, 1.35, 1.9, 3.2],
     compliances: &[0.01, 0.03, 0.07, 0.12, 0.18, 0.27, 0.4, 0.6, 1.0],
 };
 /// Probes for candidates whose best amplitude lies beyond the range of the second pass: after a foot has lost contact,
@@ -50,7 +50,8 @@ pub(super) fn rollouts(objective: &Objective) -> usize {
     let probes = |candidate: &EffectCandidate| {
         sides(candidate) * candidate.starts.len() * candidate.amplitudes.len() * COARSE.amplitudes.len()
     };
-    let all: Vec<usize> = (0..candidates.len()).collect();
+    // What needs another effect first is tried alone.
+    let all: Vec<usize> = (0..candidates.len()).filter(|&c| candidates[c].needs == Needs::Nothing).collect();
     let kinds = all.chunk_by(|&a, &b| candidates[a].effect == candidates[b].effect);
     let coarse = kinds.map(|kind| {
         probes(&candidates[kind[0]]) * shared(kind.iter().map(|&c| objective.description.channels_of(c))).len()
@@ -67,8 +68,7 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
     let Some((log, rows)) = bases.first().and_then(|base| objective.worst_logs(&base.residual, 1).pop()) else {
         return Vec::new();
     };
-    let Some(reached) = bases.first().map(|base| onset::onsets(objective, &base.in_rows(rows.clone()), log, offered))
-    else {
+    let Some(reached) = bases.first().map(|base| onset::onsets(objective, base, (log, rows.clone()), offered)) else {
         return Vec::new();
     };
     let probe_coarsely = |(index, base): (usize, &FitPoint)| {
