@@ -22,8 +22,8 @@ const MODEST: f64 = 0.5;
 /// The same for a further instance: each of several takes its part.
 const INSTANCE: f64 = 0.7;
 
-/// Largest error in noise floors at which companions and what was alike are tried: what leaves more needs another effect
-/// first, and the rollouts for that.
+/// Largest error in noise floors at which companions and what was alike are tried: what leaves more needs another
+/// effect first, and the rollouts for that.
 const NEAR: f64 = 20.0;
 
 /// Whether the findings leave something, but not too much for companions.
