@@ -1,4 +1,4 @@
-//! Residual models for tests: one log of one channel, whose residual is a function of the parameters' values.
+//! Residual models for tests: logs of one channel, whose residual is a function of the parameters' values.
 
 use crate::residual_model::{
     FitParameter, MeasuredChannel, ModelDescription, Parametrisation, RecordedLog, ResidualModel, ResidualRequest,
@@ -30,10 +30,19 @@ pub(crate) fn parameter(law: Parametrisation, origin: f64, size: f64) -> FitPara
 impl SyntheticModel {
     /// A model whose parameters are all free; `residual` has `rows` rows.
     pub(crate) fn new(parameters: Vec<FitParameter>, rows: usize, residual: fn(&[f64]) -> Vec<f64>) -> Self {
-        let channel = MeasuredChannel { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 1.0, samples: 0..rows };
-        let log = RecordedLog { name: "log".to_owned(), held_out: false, channels: vec![channel], present: rows };
-        SyntheticModel { parameters, logs: vec![log], residual }
+        SyntheticModel { parameters, logs: vec![log(rows)], residual }
     }
+
+    /// The same with a second log, whose rows come after those of the first.
+    pub(crate) fn and_log(mut self, rows: usize) -> Self {
+        self.logs.push(log(rows));
+        self
+    }
+}
+
+fn log(rows: usize) -> RecordedLog {
+    let channel = MeasuredChannel { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 1.0, samples: 0..rows };
+    RecordedLog { name: "log".to_owned(), held_out: false, channels: vec![channel], present: rows }
 }
 
 impl ResidualModel for SyntheticModel {
@@ -44,7 +53,9 @@ impl ResidualModel for SyntheticModel {
     fn residuals(&self, requests: &[ResidualRequest], _: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
         let residual = |request: &ResidualRequest| {
             let values: Vec<f64> = self.parameters.iter().zip(request.u).map(|(p, u)| p.value(*u)).collect();
-            Ok((self.residual)(&values))
+            let all = (self.residual)(&values);
+            let before = self.logs[..request.log].iter().map(RecordedLog::rows).sum::<usize>();
+            Ok(all[before..before + self.logs[request.log].rows()].to_vec())
         };
         requests.iter().map(residual).collect()
     }

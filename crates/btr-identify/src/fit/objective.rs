@@ -212,14 +212,16 @@ impl<'a> Objective<'a> {
         self.logs(logs).iter().map(count).sum()
     }
 
-    /// The training logs with the largest sums of squares, worst first, with their rows in the residual.
+    /// The training logs with the largest sums of squares above the noise, worst first, with their rows in the
+    /// residual. Near the noise floor, the sum alone would rank the logs by their lengths.
     pub fn worst_logs(&self, residual: &[f64], most: usize) -> Vec<(usize, Range<usize>)> {
         let mut start = 0;
         let mut logs: Vec<(f64, usize, Range<usize>)> = Vec::new();
         for &log in &self.learn {
             let rows = start..start + self.description.logs[log].rows();
             start = rows.end;
-            logs.push((squares(&residual[rows.clone()]), log, rows));
+            let noise = self.description.logs[log].present as f64;
+            logs.push((squares(&residual[rows.clone()]) - noise, log, rows));
         }
         logs.sort_by(|a, b| b.0.total_cmp(&a.0));
         logs.into_iter().take(most).map(|(_, log, rows)| (log, rows)).collect()
@@ -252,5 +254,19 @@ impl<'a> Objective<'a> {
     pub(super) fn beyond(&self, usual: &[f64], halved: &[f64]) -> ResidualVector {
         let beyond = extrapolation(self.description.order);
         halved.iter().zip(usual).map(|(h, r)| (beyond * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::SyntheticModel;
+
+    #[test]
+    fn a_log_is_not_the_worst_for_being_long() {
+        let model = SyntheticModel::new(Vec::new(), 100, |_| Vec::new()).and_log(40);
+        let residual: Vec<f64> = [vec![1.0; 100], vec![1.3; 40]].concat();
+        let worst = Objective::new(&model).worst_logs(&residual, 1);
+        assert_eq!(worst, [(1, 100..140)]);
     }
 }
