@@ -25,8 +25,18 @@ const SECOND_LOOK: f64 = 0.5;
 /// predict little.
 const FAR: f64 = 5.0;
 
+/// A model whose error is above this many noise floors has run off somewhere: short parts of logs, which begin where
+/// the robot was, are screened first, and whole logs only if these leave much.
+const RUN_OFF: f64 = 50.0;
+
 /// Number of the best rivals whose effects are tried at other sites if none of them explains enough.
 const OTHER_SITES: usize = 3;
+
+/// What candidates are screened on.
+enum Look {
+    AtTheWhole,
+    InWindows,
+}
 
 /// Whether a round may look at the candidates in more than one way.
 pub(super) struct SecondLooks {
@@ -55,18 +65,7 @@ pub(super) fn round(
 ) -> Option<(Rival, MissingEffect)> {
     state.unconfirmed = None;
     let offered = state.offered(objective);
-    let (mut rivals, mut starts) = from_short_parts(objective, state, &Derivation::Beginnings, &offered);
-    rivals = best_of_each(rivals);
-    if rivals.first().is_none_or(|leader| state.leaves_something(objective, &leader.fit)) {
-        let (others, screened) = from_the_whole(objective, state, &offered);
-        rivals = best_of_each(rivals.into_iter().chain(others).collect());
-        starts.extend(screened);
-    }
-    if leaves_more_than(FAR, objective, &rivals) && second_looks.allow(objective) {
-        let (near, screened) = from_short_parts(objective, state, &Derivation::InWindows, &offered);
-        rivals = best_of_each(rivals.into_iter().chain(near).collect());
-        starts.extend(screened);
-    }
+    let (mut rivals, starts) = first_rivals(objective, state, second_looks, &offered);
     let leader = rivals.first()?;
     let hardly = leader.fit.squares() > HARDLY * state.fit.squares() && !objective.description.has_contact;
     if leader.fit.squares() > MODEST * state.fit.squares() {
@@ -89,6 +88,35 @@ pub(super) fn round(
     let late = last_chance_of_the_best(objective, &state.fit, &others, &rivals[0].fit);
     state.rounds.pop();
     judge_rivals(objective, state, best_of_each(rivals.into_iter().chain(late).collect()))
+}
+
+/// The best of the candidates `offered`, and the starts that were screened for that.
+fn first_rivals(
+    objective: &mut Objective,
+    state: &DiagnosisState,
+    second_looks: &mut SecondLooks,
+    offered: &[usize],
+) -> (Vec<Rival>, Vec<StartPoint>) {
+    let (rivals, mut starts) = from_short_parts(objective, state, &Derivation::Beginnings, offered);
+    let mut rivals = best_of_each(rivals);
+    let has_run_off = leaves_more_than(RUN_OFF, objective, state, &[]);
+    for look in if has_run_off { [Look::InWindows, Look::AtTheWhole] } else { [Look::AtTheWhole, Look::InWindows] } {
+        let is_far = leaves_more_than(FAR, objective, state, &rivals);
+        let is_needed = match look {
+            Look::AtTheWhole if has_run_off => is_far,
+            Look::AtTheWhole => rivals.first().is_none_or(|leader| state.leaves_something(objective, &leader.fit)),
+            Look::InWindows => is_far && second_looks.allow(objective),
+        };
+        if is_needed {
+            let (others, screened) = match look {
+                Look::AtTheWhole => from_the_whole(objective, state, offered),
+                Look::InWindows => from_short_parts(objective, state, &Derivation::InWindows, offered),
+            };
+            rivals = best_of_each(rivals.into_iter().chain(others).collect());
+            starts.extend(screened);
+        }
+    }
+    (rivals, starts)
 }
 
 /// Candidates tried with the free parameters where the leader has moved them.
@@ -143,14 +171,15 @@ fn not_fitted(rivals: &[Rival], offered: &[usize]) -> Vec<usize> {
     offered.iter().filter(|candidate| !fitted(candidate)).copied().collect()
 }
 
-/// Whether even the leader leaves more than noise.
+/// Whether there is a leader, and even it leaves more than noise.
 fn leaves_much(objective: &Objective, rivals: &[Rival]) -> bool {
-    leaves_more_than(NOISE, objective, rivals)
+    rivals.first().is_some_and(|leader| chi(leader.fit.squares(), objective.samples(LogSet::Learn)) > NOISE)
 }
 
-/// Whether even the leader leaves more than an error in noise floors.
-fn leaves_more_than(floors: f64, objective: &Objective, rivals: &[Rival]) -> bool {
-    rivals.first().is_some_and(|leader| chi(leader.fit.squares(), objective.samples(LogSet::Learn)) > floors)
+/// Whether the leader, or the base where there is none, leaves an error above this many noise floors.
+fn leaves_more_than(floors: f64, objective: &Objective, state: &DiagnosisState, rivals: &[Rival]) -> bool {
+    let fit = rivals.first().map_or(&state.fit, |leader| &leader.fit);
+    chi(fit.squares(), objective.samples(LogSet::Learn)) > floors
 }
 
 /// The best of the candidates `offered` on whole logs, and the starts that were screened for that.
