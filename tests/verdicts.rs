@@ -69,6 +69,18 @@ fn a_payload_at_the_tip_is_no_wrong_mass() {
     assert_missing(&found, "end_payload@forearm", ("end_payload.mass@forearm", 0.12), 0.03);
 }
 
+/// What a gripper holds, it holds somewhere: with its place, it is neither the forearm's mass nor its centre of mass.
+#[test]
+fn a_load_in_the_gripper_is_found_with_its_place() {
+    let found = diagnosed(desk_arm(), vec![effect("tool_load", "forearm", &[0.1, 0.26, 0.0, 0.05])]);
+    assert_missing(&found, "tool_load@forearm", ("tool_load.mass@forearm", 0.1), 0.15);
+    // The same torque of weight by a lighter load that is farther out is told apart by its inertia alone.
+    for (estimate, truth) in found.1.effects[0].parameters.iter().zip([0.1, 0.26, 0.0, 0.05]) {
+        let [low, high] = estimate.ci95.unwrap();
+        assert!((low..=high).contains(&truth), "{}: {low} to {high}", estimate.name);
+    }
+}
+
 /// What a robot can carry does not depend on the mass of its last link.
 #[test]
 fn a_payload_may_outweigh_a_light_flange() {

@@ -3,13 +3,13 @@
 
 use btr_core::log::Log;
 use btr_core::world::{Simulator, WorldError};
-use btr_physics::engine::carried_inertia;
+use btr_physics::engine::turned_inertia;
 use btr_physics::model::Model;
 use btr_physics::robot::site::instance;
 use btr_physics::robot::{JointKind, Robot};
 
 /// The desk arm to which the hints of the effect specs refer.
-const DESK: JointScale = JointScale { torque: 1.0, speed: 3.0, inertia: 0.02, mass: 0.5 };
+const DESK: JointScale = JointScale { torque: 1.0, speed: 3.0, inertia: 0.02, mass: 0.5, length: 0.2 };
 
 /// Standard gravity, in m/s².
 const G: f64 = 9.81;
@@ -21,10 +21,12 @@ struct JointScale {
     torque: f64,
     /// Largest usual speed, in rad/s (m/s).
     speed: f64,
-    /// Carried inertia, in kg·m² (kg).
+    /// Inertia that the joint turns, in kg·m² (kg).
     inertia: f64,
     /// The carried link's mass in kg.
     mass: f64,
+    /// How far the link reaches from the joint, in m.
+    length: f64,
 }
 
 /// The scales of all joints, and the largest ones for all other sites.
@@ -44,12 +46,13 @@ impl RobotScales {
 
     /// Scales from the motions and torques of simulated logs.
     pub(crate) fn seen(robot: &Robot, simulated: &[Log]) -> Result<Self, WorldError> {
-        let carried = carried_inertia(robot);
+        let turned = turned_inertia(robot);
         let mut joints: Vec<(String, String, JointScale)> = robot
             .movable()
-            .zip(carried)
-            .map(|((_, link), inertia)| {
-                let scale = JointScale { torque: 0.0, speed: 0.0, inertia, mass: link.mass_kg };
+            .zip(turned)
+            .map(|((index, link), inertia)| {
+                let length = robot.extent_m(index);
+                let scale = JointScale { torque: 0.0, speed: 0.0, inertia, mass: link.mass_kg, length };
                 (link.joint.name.clone(), link.name.clone(), scale)
             })
             .collect();
@@ -65,33 +68,35 @@ impl RobotScales {
             speed: largest(|s| s.speed),
             inertia: largest(|s| s.inertia),
             mass: largest(|s| s.mass),
+            length: largest(|s| s.length),
         };
-        // A joint that does not move gets a share of the others' scale, or the desk arm's.
+        // A joint that does not move gets a share of the others' scale, or the desk arm's. A wrist's torque may well be
+        // a hundredth of the shoulder's.
         let or = |x: f64, other: f64, desk: f64| [x, 0.1 * other, desk].into_iter().find(|v| *v > 0.0).unwrap_or(desk);
         for (_, _, scale) in &mut joints {
-            scale.torque = or(scale.torque.max(0.1 * whole.torque), whole.torque, DESK.torque);
+            scale.torque = or(scale.torque.max(0.01 * whole.torque), whole.torque, DESK.torque);
             scale.speed = or(scale.speed.max(0.1 * whole.speed), whole.speed, DESK.speed);
             scale.mass = or(scale.mass, whole.mass, DESK.mass);
             scale.inertia = or(scale.inertia, whole.inertia, DESK.inertia);
+            scale.length = or(scale.length, whole.length, DESK.length);
         }
         Ok(RobotScales { joints, whole })
     }
 
     /// Estimate from the robot alone, without a motion: motors carry its weight, at a desk arm's speed.
     pub(crate) fn guess(robot: &Robot) -> Self {
-        let carried = carried_inertia(robot);
+        let turned = turned_inertia(robot);
         let mass = robot.mass_kg();
-        let scale = |inertia: f64, slides: bool| {
+        let scale = |link: usize, inertia: f64| {
+            let slides = robot.links[link].joint.kind == JointKind::Prismatic;
             let arm = if slides { 1.0 } else { (inertia / mass).sqrt() };
-            JointScale { torque: mass * G * arm, speed: DESK.speed, inertia, mass }
+            let (torque, length) = (mass * G * arm, robot.extent_m(link));
+            JointScale { torque, speed: DESK.speed, inertia, mass, length }
         };
         let joints: Vec<_> = robot
             .movable()
-            .zip(carried)
-            .map(|((_, link), inertia)| {
-                let slides = link.joint.kind == JointKind::Prismatic;
-                (link.joint.name.clone(), link.name.clone(), scale(inertia, slides))
-            })
+            .zip(turned)
+            .map(|((index, link), inertia)| (link.joint.name.clone(), link.name.clone(), scale(index, inertia)))
             .collect();
         let whole = joints.iter().map(|(_, _, scale)| *scale).max_by(|a, b| a.torque.total_cmp(&b.torque));
         RobotScales { joints, whole: whole.unwrap_or(DESK) }
@@ -120,6 +125,7 @@ impl RobotScales {
             "rad/s" => speed,
             "kg·m²" | "kg·m^2" => scale.inertia / DESK.inertia,
             "kg" => scale.mass / DESK.mass,
+            "m" => scale.length / DESK.length,
             _ => 1.0,
         };
         if factor.is_finite() && factor > 0.0 { factor } else { 1.0 }
@@ -135,6 +141,7 @@ fn rms(values: &[f64]) -> f64 {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use btr_core::log::Role;
 
     #[test]
     fn drag_is_scaled_as_torque_over_squared_speed() {
@@ -142,5 +149,22 @@ mod tests {
         let scales = RobotScales { joints: Vec::new(), whole };
         let drag = btr_physics::effects::find("quadratic_drag").unwrap().spec();
         assert!((scales.of_unit(drag.params[0].unit, "*") - 2.0 / 16.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_wrist_is_not_measured_by_the_shoulder() {
+        let robot = btr_physics::presets::pendulum::pendulum(1.0, 0.5, btr_physics::robot::Actuator::Passive);
+        let mut arm = robot.clone();
+        let mut wrist = robot.links[1].clone();
+        (wrist.name, wrist.joint.name, wrist.parent) = ("hand".to_owned(), "wrist".to_owned(), Some(1));
+        arm.links.push(wrist);
+        let mut log = Log::new(vec![0.0, 0.1]).unwrap();
+        for (joint, torque) in [("hinge", 10.0), ("wrist", 0.2)] {
+            for (channel, value) in [("tau", torque), ("dq", 1.0)] {
+                log.insert(format!("{channel}_{joint}"), "", Role::Measured, vec![value; 2]).unwrap();
+            }
+        }
+        let scales = RobotScales::seen(&arm, &[log]).unwrap();
+        assert!((scales.of_unit("N·m", "wrist") - 0.2).abs() < 1e-12);
     }
 }

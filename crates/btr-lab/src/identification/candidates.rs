@@ -7,7 +7,7 @@ use super::catalogue::sites::{has_dry_friction, sites};
 use super::catalogue::values::{Catalogue, StatedValue, similar_to_value};
 use super::problem::{Change, IdentificationProblem};
 use btr_core::world::WorldError;
-use btr_identify::residual_model::{CandidateKind, EffectCandidate, LawTerm, Needs, Ripple};
+use btr_identify::residual_model::{CandidateKind, EffectCandidate, FitParameter, LawTerm, Needs, Ripple};
 use btr_physics::effects::{DryFriction, EFFECTS, Effect};
 use btr_physics::robot::site::{instance, numbered};
 use btr_physics::robot::{Actuator, Base};
@@ -93,10 +93,13 @@ impl IdentificationProblem {
             let scale = (self.scales.of_unit(param.unit, &site), self.scales.of_bounds(param.unit, &site));
             self.parameters.push(parameter(name, param, scale, model_value(param, &self.model.setup)));
         }
-        let start = |values: &&[f64]| {
-            shapes.iter().zip(values.iter()).map(|(&k, v)| self.parameters[k].coordinate(*v)).collect()
+        let coordinate = |(&shape, value): (&usize, &f64)| {
+            let parameter: &FitParameter = &self.parameters[shape];
+            parameter.clamp(parameter.coordinate(*value))
         };
-        let mut starts: Vec<Vec<f64>> = spec.starts.iter().map(start).collect();
+        let start = |values: Vec<f64>| shapes.iter().zip(&values).map(coordinate).collect();
+        let link = self.model.robot.link(&site).unwrap_or(0);
+        let mut starts: Vec<Vec<f64>> = effect.starts(&self.model.robot, link).into_iter().map(start).collect();
         if starts.is_empty() {
             starts.push(vec![0.0; shapes.len()]);
         }
@@ -131,15 +134,22 @@ impl IdentificationProblem {
         index.map_or_else(Vec::new, |joint| self.limbs[joint].clone())
     }
 
-    /// Sets the similar and nested candidates of each candidate at the same place; a joint is at the place of the link
-    /// that it moves.
+    /// Sets the similar and nested candidates of each candidate at the same place: a joint is at the place of the link
+    /// that it moves, and the end of a link at that of those which it carries.
     fn link_similar(&mut self) {
         let links = &self.model.robot.links;
-        let place = |site: &str| {
+        let link_at = |site: &str| {
             let (site, _) = instance(site);
-            links.iter().find(|link| link.joint.name == site).map_or(site, |link| &link.name).to_owned()
+            links.iter().position(|link| link.joint.name == site || link.name == site)
         };
-        let places: Vec<String> = self.candidates.iter().map(|candidate| place(&candidate.site)).collect();
+        let places: Vec<Option<usize>> = self.candidates.iter().map(|candidate| link_at(&candidate.site)).collect();
+        let at_end = |a: usize| matches!(&self.changes[a], Change::Effect(effect) if effect.acts_at_end());
+        let carries = |a: usize, b: usize| at_end(a) && places[b].is_some_and(|link| links[link].parent == places[a]);
+        let same = |a: usize, b: usize| match (places[a], places[b]) {
+            (None, None) => self.candidates[a].site == self.candidates[b].site,
+            (one, other) => one == other,
+        };
+        let together = |a: usize, b: usize| same(a, b) || carries(a, b) || carries(b, a);
         let says = |a: usize, b: usize| {
             let similar = match &self.changes[a] {
                 Change::Effect(effect) => effect.spec().similar,
@@ -147,7 +157,7 @@ impl IdentificationProblem {
             };
             similar.contains(&&*self.candidates[b].effect)
         };
-        let alike = |a: usize, b: usize| places[a] == places[b] && (says(a, b) || says(b, a));
+        let alike = |a: usize, b: usize| together(a, b) && (says(a, b) || says(b, a));
         let all = 0..self.candidates.len();
         let similar: Vec<Vec<usize>> = all.clone().map(|a| all.clone().filter(|b| alike(a, *b)).collect()).collect();
         for (a, similar) in similar.into_iter().enumerate() {

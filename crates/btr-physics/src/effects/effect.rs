@@ -127,6 +127,19 @@ pub trait Effect: Sync {
     fn instances(&self) -> usize {
         1
     }
+    /// Whether a link can have it.
+    fn acts_on(&self, _robot: &Robot, _link: usize) -> bool {
+        true
+    }
+    /// Whether it acts at a link's end, where the links that this one carries begin.
+    fn acts_at_end(&self) -> bool {
+        false
+    }
+    /// Values of its shape parameters from which a search on a link should start: those of its specification, unless
+    /// they depend on the robot.
+    fn starts(&self, _robot: &Robot, _link: usize) -> Vec<Vec<f64>> {
+        self.spec().starts.iter().map(|values| values.to_vec()).collect()
+    }
     /// What it has to do with the dry friction of its joint.
     fn dry_friction(&self) -> DryFriction {
         DryFriction::Unrelated
@@ -261,7 +274,7 @@ impl PlacedEffect {
         let fits = |value: f64, param: &Param| {
             let positive = !(param.shape && param.bounds.0 > 0.0) || value > 0.0;
             value.to_bits() == param.off.to_bits()
-                || (value.is_finite() && value >= param.bounds.0.min(0.0) && positive)
+                || (value.is_finite() && (value >= 0.0 || param.bounds.0 < 0.0) && positive)
         };
         match self.values.iter().zip(spec.params).find(|(value, param)| !fits(**value, param)) {
             Some((value, param)) => {

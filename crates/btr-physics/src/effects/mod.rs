@@ -58,6 +58,7 @@ effects! {
     body {
         payload::Payload,
         end_payload::EndPayload,
+        tool_load::ToolLoad,
         com_offset::ComOffset,
         link_inertia::LinkInertia,
         gravity_tilt::GravityTilt,

@@ -1,5 +1,6 @@
 //! Links assembled to moving bodies: links connected by fixed joints become one body with one mass and one inertia.
 
+use crate::robot::point_mass::steiner;
 use crate::robot::{Base, Geometry, JointKind, Link, Robot, Shape};
 use crate::setup::Setup;
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
@@ -77,13 +78,23 @@ impl MovingBody {
     }
 }
 
-/// Inertia of a point mass at `arm` (Steiner's theorem).
-pub(crate) fn steiner(mass_kg: f64, arm: &Vector3<f64>) -> Matrix3<f64> {
-    (Matrix3::identity() * arm.norm_squared() - arm * arm.transpose()) * mass_kg
+/// For each movable joint an upper estimate of the inertia that it moves in any pose, in kg·m² (kg for slides).
+pub fn carried_inertia(robot: &Robot) -> Vec<f64> {
+    carried(robot, |body, arm| body.mass_kg * arm.norm_squared() + body.inertia_kg_m2.trace())
 }
 
-/// For each movable joint an upper estimate of the inertia that it moves in the start pose, in kg·m² (kg for slides).
-pub fn carried_inertia(robot: &Robot) -> Vec<f64> {
+/// The same, but with the inertia of the joint's own link about the joint's axis: a roll joint turns a long link with
+/// little inertia.
+pub fn turned_inertia(robot: &Robot) -> Vec<f64> {
+    carried(robot, |body, _| {
+        let axis = robot.links[body.link].joint.axis;
+        let arm = body.com_m.coords.cross(&axis);
+        body.mass_kg * arm.norm_squared() + axis.dot(&(body.inertia_kg_m2 * axis))
+    })
+}
+
+/// For each movable joint the inertia that it moves in the start pose; `own` is that of its own link, at `arm` from it.
+fn carried(robot: &Robot, own: impl Fn(&MovingBody, &Vector3<f64>) -> f64) -> Vec<f64> {
     let bodies = bodies(robot);
     let poses = start_poses(robot, &bodies);
     let mut carried = vec![0.0; bodies.len()];
@@ -91,10 +102,11 @@ pub fn carried_inertia(robot: &Robot) -> Vec<f64> {
         let mut at = index;
         while at > 0 {
             let joint = &robot.links[bodies[at].link].joint;
+            let arm = poses[index] * body.com_m - Point3::from(poses[at].translation.vector);
             carried[at] += match joint.kind {
                 JointKind::Prismatic => body.mass_kg,
+                JointKind::Revolute | JointKind::Fixed if at == index => own(body, &arm),
                 JointKind::Revolute | JointKind::Fixed => {
-                    let arm = poses[index] * body.com_m - Point3::from(poses[at].translation.vector);
                     body.mass_kg * arm.norm_squared() + body.inertia_kg_m2.trace()
                 }
             };

@@ -6,7 +6,7 @@ pub(crate) mod assemble;
 pub mod rapier;
 
 pub use articulated::forward_dynamics;
-pub use assemble::carried_inertia;
+pub use assemble::{carried_inertia, turned_inertia};
 
 use btr_core::signal::smooth::Motion;
 use nalgebra::{Isometry3, Point3, Vector3};

@@ -5,6 +5,7 @@
 
 pub mod kinematics;
 mod neighbours;
+pub(crate) mod point_mass;
 pub mod site;
 pub(crate) mod stretch;
 pub mod urdf;
@@ -251,6 +252,20 @@ impl Robot {
     /// The index of a link by its name.
     pub fn link(&self, name: &str) -> Option<usize> {
         self.links.iter().position(|link| link.name == name)
+    }
+
+    /// Whether a movable joint is further out than a link.
+    pub(crate) fn carries_joint(&self, link: usize) -> bool {
+        let is_below = |mut other: usize| {
+            while let Some(parent) = self.links[other].parent {
+                if parent == link {
+                    return true;
+                }
+                other = parent;
+            }
+            false
+        };
+        self.movable().any(|(other, _)| is_below(other))
     }
 
     /// Sum of all masses, in kg.

@@ -17,6 +17,15 @@ pub(crate) fn end(robot: &Robot, link: usize) -> Vector3<f64> {
     farthest_joint(robot, link).unwrap_or(2.0 * robot.links[link].com_m.coords)
 }
 
+impl Robot {
+    /// How far a link reaches from its joint, in m: to its end, or to that of a rod with its inertia.
+    pub fn extent_m(&self, link: usize) -> f64 {
+        let Link { mass_kg, com_m, inertia_kg_m2, .. } = &self.links[link];
+        let rod = if *mass_kg > 0.0 { (1.5 * inertia_kg_m2.trace() / mass_kg).sqrt() } else { 0.0 };
+        end(self, link).norm().max(com_m.coords.norm() + rod)
+    }
+}
+
 /// The place of the farthest joint that a link carries; `None` without one away from its origin.
 fn farthest_joint(robot: &Robot, link: usize) -> Option<Vector3<f64>> {
     let carried = robot.links.iter().filter(|child| child.parent == Some(link));

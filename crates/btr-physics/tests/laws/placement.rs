@@ -2,11 +2,13 @@
 
 use crate::scene::{G, arm, fast, fast_weightless, hold, last, placed, run, run_with};
 use btr_physics::effects::PlacedEffect;
+use btr_physics::engine::turned_inertia;
 use btr_physics::presets::ant;
 use btr_physics::presets::pendulum::pendulum;
-use btr_physics::robot::Actuator;
+use btr_physics::robot::{Actuator, Robot};
 use btr_physics::rollout::{RolloutRequest, simulate};
 use btr_physics::setup::{Sensors, Setup};
+use nalgebra::{Matrix3, Vector3};
 
 /// Steady-state position and motor torque of a stiff servo.
 fn held(effect: PlacedEffect, at_rad: f64) -> (f64, f64) {
@@ -32,6 +34,25 @@ fn a_payload_at_the_end_weighs_there_and_resists_turning_there() {
     let setup = fast_weightless(0.001, 0.5);
     let speed = last(&run_with(&robot, &[placed("end_payload", "bob", &[0.5])], &setup, &hold(2.0)), "dq_hinge");
     assert!((speed - 1.0 / (1.3 * 0.49 + 0.5 * 1.96)).abs() < 1e-9, "{speed} rad/s");
+}
+
+#[test]
+fn a_load_at_the_end_of_a_link_is_a_payload_there() {
+    let loads = [placed("tool_load", "bob", &[0.5, 0.0, 0.0, -1.4]), placed("end_payload", "bob", &[0.5])];
+    let [load, payload] = loads.map(|effect| held(effect, 0.4));
+    assert_eq!(load, payload);
+    let (q, torque) = held(placed("tool_load", "bob", &[0.5, 0.2, 0.0, 0.0]), 0.4);
+    assert!((torque - (1.3 * 0.7 * q.sin() - 0.5 * 0.2 * q.cos()) * G).abs() < 1e-6, "{torque} N·m");
+}
+
+#[test]
+fn a_roll_joint_turns_a_long_link_with_little_inertia() {
+    let mut robot = pendulum(1.3, 0.7, Actuator::Passive);
+    robot.links[1].inertia_kg_m2 = Matrix3::from_diagonal(&Vector3::new(0.2, 0.3, 0.01));
+    let about = |robot: &Robot| turned_inertia(robot)[0];
+    assert!((about(&robot) - (1.3 * 0.49 + 0.3)).abs() < 1e-12, "{}", about(&robot));
+    robot.links[1].joint.axis = Vector3::z();
+    assert!((about(&robot) - 0.01).abs() < 1e-12, "{}", about(&robot));
 }
 
 #[test]

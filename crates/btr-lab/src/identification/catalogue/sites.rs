@@ -3,7 +3,7 @@
 use btr_physics::effects::{DryFriction, Effect, PlacedEffect, SiteKind};
 use btr_physics::model::Model;
 use btr_physics::robot::site::{instance, matches, numbered};
-use btr_physics::robot::{JointKind, Robot};
+use btr_physics::robot::{Link, Robot};
 
 /// Sites at which an effect could act and is not yet present; where a joint may have several, the first instance that
 /// is not.
@@ -28,8 +28,8 @@ pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
             joints().map(|link| link.joint.name.clone()).chain(all).collect()
         }
         SiteKind::Link => {
-            let moves = |link: &&btr_physics::robot::Link| link.joint.kind != JointKind::Fixed && link.mass_kg > 0.0;
-            model.robot.links.iter().skip(1).filter(moves).map(|link| link.name.clone()).collect()
+            let can_have = |(index, link): &(usize, &Link)| link.mass_kg > 0.0 && effect.acts_on(&model.robot, *index);
+            model.robot.movable().filter(can_have).map(|(_, link)| link.name.clone()).collect()
         }
         SiteKind::Base => vec!["base".to_owned()],
         SiteKind::Ground if model.setup.ground.is_none() => Vec::new(),
@@ -57,7 +57,7 @@ pub(in crate::identification) fn limbs(robot: &Robot) -> Vec<Vec<String>> {
         link
     };
     let limb_of_joint: Vec<usize> = robot.movable().map(|(link, _)| limb(link)).collect();
-    let channel = |link: &btr_physics::robot::Link| format!("q_{}", link.joint.name);
+    let channel = |link: &Link| format!("q_{}", link.joint.name);
     let members = |limb: &usize| {
         robot
             .movable()

@@ -3,7 +3,6 @@
 use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 use crate::robot::Robot;
 use crate::robot::stretch::end;
-use nalgebra::{Matrix3, Vector3};
 
 pub(in crate::effects) struct EndPayload;
 
@@ -24,22 +23,12 @@ impl Effect for EndPayload {
         &SPEC
     }
 
-    fn link(&self, p: &[f64], robot: &mut Robot, link: usize) {
-        let end = end(robot, link);
-        let link = &mut robot.links[link];
-        let mass_kg = link.mass_kg + p[0];
-        if mass_kg <= 0.0 {
-            return;
-        }
-        let shift = (end - link.com_m.coords) * (p[0] / mass_kg);
-        let to_end = end - link.com_m.coords - shift;
-        link.inertia_kg_m2 += of_point(link.mass_kg, &shift) + of_point(p[0], &to_end);
-        link.com_m += shift;
-        link.mass_kg = mass_kg;
+    fn acts_at_end(&self) -> bool {
+        true
     }
-}
 
-/// Inertia of a point mass about an origin (Steiner).
-fn of_point(mass_kg: f64, at: &Vector3<f64>) -> Matrix3<f64> {
-    (Matrix3::identity() * at.norm_squared() - at * at.transpose()) * mass_kg
+    fn link(&self, p: &[f64], robot: &mut Robot, link: usize) {
+        let end = end(robot, link).into();
+        robot.links[link].add_point_mass(p[0], &end);
+    }
 }
