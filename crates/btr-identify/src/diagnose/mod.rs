@@ -9,6 +9,7 @@ mod companion;
 mod evidence;
 mod judge;
 mod refit;
+mod replacement;
 mod report;
 mod residual_law;
 mod round;
@@ -171,10 +172,12 @@ fn add(
     on_step: &dyn Fn(&LadderStep),
 ) {
     state.accept(objective, rival, found, on_step);
+    let found = state.chosen.len();
     state.eliminate(objective);
-    // The latest effect has just been compared with the simpler ones.
-    let earlier = 0..state.chosen.len().saturating_sub(1);
-    state.simplify(objective, earlier);
+    // The latest effect has just been compared with the simpler ones, unless with an effect that is gone now.
+    let left = state.chosen.len();
+    let which = if left < found { 0..left } else { 0..left.saturating_sub(1) };
+    state.simplify(objective, which);
 }
 
 /// Fits the model's free parameters without any effect.

@@ -1,16 +1,14 @@
-//! The state of a diagnosis: the effects found so far, and how an effect is added or removed.
+//! The state of a diagnosis: the effects found so far, and how an effect is added or dropped.
 
 use super::evidence::LogErrors;
-use super::refit::{CLOSE, FOLLOWER, RESHAPED, Rival, race};
+use super::refit::{FOLLOWER, RESHAPED, Rival};
 use super::report::{Evidence, MissingEffect, RankedCandidate, RivalPoint};
-use super::screen::screen;
-use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
+use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL};
 use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, NOISE, held_out_squares};
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use crate::residual_model::Needs;
-use std::ops::Range;
 
 /// How far parameters are perturbed to restart a search: amplitudes by this share, shapes by this much of their
 /// coordinate...
@@ -151,118 +149,6 @@ impl DiagnosisState {
         self.chosen.iter().any(|found| objective.candidates()[found.candidate].needs == after)
     }
 
-    /// The best fit without one of the chosen.
-    pub(super) fn without(&self, objective: &Objective, index: usize) -> Option<FitPoint> {
-        let removed = self.less(objective, &[index]).map(|mut fit| {
-            fit.solve(objective, SearchBudget { jacobians: 2, steps: 12 });
-            fit
-        });
-        // The latest effect may have adapted to this one: also fits it as if this one had never been found.
-        let without =
-            removed.into_iter().chain(self.instead(objective, index)).min_by(|a, b| a.cost.total_cmp(&b.cost));
-        without.map(|mut fit| {
-            let near = (1.0 + LEARNT_FALL) * self.fit.squares()..CLOSE * self.fit.squares();
-            if near.contains(&fit.squares()) {
-                fit.polish(objective);
-            }
-            fit
-        })
-    }
-
-    /// The point without some of the chosen; all else stays. `None` where that cannot be simulated: then they stay
-    /// chosen.
-    fn less(&self, objective: &Objective, indices: &[usize]) -> Option<FitPoint> {
-        let parameters =
-            |&index: &usize| objective.candidates()[self.chosen[index].candidate].parameters().collect::<Vec<_>>();
-        let gone: Vec<usize> = indices.iter().flat_map(parameters).collect();
-        let mut u = self.fit.u.clone();
-        gone.iter().for_each(|&parameter| u[parameter] = 0.0);
-        let active = self.fit.active.iter().copied().filter(|parameter| !gone.contains(parameter)).collect();
-        FitPoint::at(objective, active, u, &self.fit.step_error).ok()
-    }
-
-    /// The latest of the chosen fitted in the place of an earlier one.
-    fn instead(&self, objective: &Objective, index: usize) -> Option<FitPoint> {
-        let latest = self.chosen.len() - 1;
-        self.replaced(objective, &[index, latest], &[self.chosen[latest].candidate]).map(|rival| rival.fit)
-    }
-
-    /// The best of some candidates in the place of some of the chosen.
-    pub(super) fn replaced(&self, objective: &Objective, indices: &[usize], candidates: &[usize]) -> Option<Rival> {
-        let mut bases = vec![self.less(objective, indices)?];
-        let starts = screen(objective, &mut bases, candidates);
-        race(objective, &bases, &starts, None).into_iter().next()
-    }
-
-    /// Replaces each of these effects by a similar one with fewer parameters that explains as much, now that other
-    /// effects or starts are known, unless the held-out logs contradict it: it may have needed its extra parameters to
-    /// compensate for them.
-    pub(super) fn simplify(&mut self, objective: &Objective, which: Range<usize>) {
-        let candidates = objective.candidates();
-        for index in which {
-            let effect = &candidates[self.chosen[index].candidate];
-            let simpler = |similar: &usize| {
-                candidates[*similar].parameters().count() < effect.parameters().count()
-                    && self.chosen.iter().all(|found| found.candidate != *similar)
-            };
-            let similar: Vec<usize> = effect.similar.iter().copied().filter(simpler).collect();
-            if similar.is_empty() {
-                continue;
-            }
-            let Some(rival) = self.replaced(objective, &[index], &similar) else { continue };
-            let measure = ComparisonMeasure::of(objective, &self.fit);
-            let costs = measure.criterion(&rival.fit) - measure.criterion(&self.fit);
-            let confirms = |now: f64| {
-                held_out_squares(objective, &rival.fit.u).is_some_and(|squares| squares <= (1.0 + HELD_OUT_FALL) * now)
-            };
-            let inside = effect.nested.contains(&rival.candidate);
-            let will_do = costs <= TIE || inside && !earns_its_parameters(objective, &self.fit, &rival.fit);
-            if will_do && self.held_out.is_none_or(confirms) {
-                self.rename(objective, index, rival, costs);
-            }
-        }
-    }
-
-    /// Compares findings again with what could not be told from them before the others were known, where an error is
-    /// left: replaces each by one that explains decisively more.
-    pub(super) fn reconsider(&mut self, objective: &Objective, on_step: &dyn Fn(&LadderStep)) {
-        let candidates = objective.candidates();
-        for index in 0..self.chosen.len().saturating_sub(1) {
-            if !self.leaves_something(objective, &self.fit) {
-                return;
-            }
-            let chosen = |candidate: &usize| self.chosen.iter().any(|found| found.candidate == *candidate);
-            let was_alike = |candidate: &usize| self.chosen[index].alike.contains(&candidates[*candidate].name());
-            let alike: Vec<usize> = (0..candidates.len()).filter(|c| was_alike(c) && !chosen(c)).collect();
-            let rival = if alike.is_empty() { None } else { self.replaced(objective, &[index], &alike) };
-            let Some(rival) = rival else { continue };
-            let measure = ComparisonMeasure::of(objective, &rival.fit);
-            let gains = measure.criterion(&self.fit) - measure.criterion(&rival.fit);
-            let held_out = self.held_out.and_then(|_| held_out_squares(objective, &rival.fit.u));
-            let confirmed = self.held_out.is_none_or(|now| held_out.is_some_and(|b| b < (1.0 - HELD_OUT_FALL) * now));
-            if gains > DECISIVE && rival.fit.squares() < (1.0 - LEARNT_FALL) * self.fit.squares() && confirmed {
-                self.rename(objective, index, rival, -gains);
-                self.chosen[index].alike.clear();
-                self.ladder.last().into_iter().for_each(on_step);
-            }
-        }
-    }
-
-    fn rename(&mut self, objective: &Objective, index: usize, rival: Rival, costs: f64) {
-        let (effect, found) = (&objective.candidates()[rival.candidate], &mut self.chosen[index]);
-        let before = format!("{}@{}", found.effect, found.site);
-        found.alike.retain(|alike| *alike != effect.name());
-        found.alike.push(before.clone());
-        found.delta_bic -= costs;
-        (found.effect, found.site, found.candidate) = (effect.effect.clone(), effect.site.clone(), rival.candidate);
-        found.kind = effect.kind;
-        self.fit = rival.fit;
-        self.fit.jacobian = None;
-        self.fit.solve(objective, SearchBudget::FULL);
-        self.held_out = held_out_squares(objective, &self.fit.u).filter(|_| self.held_out.is_some());
-        self.ladder.push(self.step(objective, format!("{} for {before}", effect.name())));
-    }
-
     /// Takes another point without any further effect as the base, if its cost is lower: what the base reaches by
     /// itself is not due to an effect.
     pub(super) fn follow(&mut self, objective: &Objective, mut base: FitPoint) {
@@ -358,7 +244,7 @@ impl DiagnosisState {
         }
     }
 
-    fn step(&self, objective: &Objective, step: String) -> LadderStep {
+    pub(super) fn step(&self, objective: &Objective, step: String) -> LadderStep {
         LadderStep {
             step,
             train: chi(self.fit.squares(), objective.samples(LogSet::Learn)),
