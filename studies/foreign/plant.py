@@ -125,8 +125,9 @@ DRY = {
 
 
 def softness(robot: Robot, hidden: list[Hidden], numerics: Numerics, carried: Vector) -> list[Hidden]:
-    """How MuJoCo's dry friction gives way, as btr's friction_creep: friction f with a + b·v = -R·f, where R is a share
-    of the joint's inverse inertia (MuJoCo's documentation, chapter Computation)."""
+    """How MuJoCo's constraints give way: dry friction as btr's friction_creep, friction f with a + b·v = -R·f, where R
+    is a share of the joint's inverse inertia (MuJoCo's documentation, chapter Computation); the flanks between which
+    a joint is loose as its joint_elasticity, whose stiffness is not computed here."""
     model = plant(robot, hidden, numerics, carried)
     found = []
     for site in dict.fromkeys(h.site for h in hidden if h.effect in DRY):
@@ -135,7 +136,7 @@ def softness(robot: Robot, hidden: list[Hidden], numerics: Numerics, carried: Ve
         time_s = 0.5 * most * model.dof_solref[dof][0]
         creep = time_s * (1.0 - impedance) / impedance * model.dof_invweight0[dof]
         found.append(Hidden("friction_creep", site, {"creep": float(creep), "time_constant": float(time_s)}))
-    return found
+    return found + [Hidden("joint_elasticity", h.site, {}) for h in hidden if h.effect == "backlash"]
 
 
 def split(body: ET.Element, joint: ET.Element, index: int, values: dict[str, float], carried: float) -> None:

@@ -226,14 +226,15 @@ def mark(case: Case, outcome: Outcome) -> None:
     truth = {name.replace("payload_at_end@", "end_payload@") for name in outcome.truth}
     twins = {name: {name, *exact_twins(case, name)} for name in truth}
     acceptable = set().union(*twins.values(), case.right)
-    # Part of every dry friction in MuJoCo: right where it is named, and not asked for.
+    # Part of every dry friction and backlash in MuJoCo: right where it is named, and not asked for.
     soft = softness(case.robot, case.hidden, case.numerics, case.carried)
     case = replace(case, hidden=case.hidden + soft)
-    creeps = {h.name for h in soft}
+    creeps = {h.name for h in soft} - truth
     acceptable |= creeps
     if any(h.effect == "payload_at_end" for h in case.hidden):
         link = case.hidden[0].site
-        acceptable |= {f"{name}@{link}" for name in ("end_payload", "payload", "com_offset", "link_inertia")}
+        alike = ("tool_load", "end_payload", "payload", "com_offset", "link_inertia")
+        acceptable |= {f"{name}@{link}" for name in alike}
     outcome.right = [name in acceptable for name in outcome.named]
     mark_intervals(case, outcome)
     asked = replace(outcome, named=[name for name in outcome.named if name not in creeps])
@@ -313,7 +314,11 @@ def exact_twins(case: Case, name: str) -> set[str]:
 
 def mark_intervals(case: Case, outcome: Outcome) -> None:
     """Adds the truth to the intervals of what was planted, and whether they hold it."""
-    planted = {f"{h.effect}.{key}@{h.site}": value for h in case.hidden for key, value in h.values.items()}
+    planted = {
+        f"{'tool_load' if h.effect == 'payload_at_end' else h.effect}.{key}@{h.site}": value
+        for h in case.hidden
+        for key, value in h.values.items()
+    }
     for interval in outcome.intervals:
         if interval["name"] in planted:
             true = interval["true"] = planted[interval["name"]]
