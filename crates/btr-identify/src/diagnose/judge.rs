@@ -3,7 +3,7 @@
 use super::refit::Rival;
 use super::report::{MissingEffect, RankedCandidate, RivalPoint};
 use super::state::{DiagnosisState, earns_its_parameters};
-use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
+use super::thresholds::{DECISIVE, HELD_OUT_FALL, INDISTINCT, LEARNT_FALL, TIE};
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective};
@@ -74,13 +74,18 @@ pub(super) fn judge_rivals(
     let will_do = |r: &Rival| inside.contains(&r.candidate) && !earns_its_parameters(objective, &leader.fit, &r.fit);
     let tied = |r: &&Rival| measure.criterion(&r.fit) - best <= TIE || will_do(r);
     let winner = passing.iter().copied().filter(tied).min_by_key(|r| (r.fit.active.len(), r.candidate))?.clone();
+    let as_good = |r: &Rival| {
+        r.fit.active.len() <= winner.fit.active.len() && r.fit.squares() <= (1.0 + INDISTINCT) * winner.fit.squares()
+    };
     let belief = |b: f64| (-(b - best) / 2.0).exp();
-    let total: f64 = rivals.iter().map(|r| belief(measure.criterion(&r.fit))).sum::<f64>() + belief(before);
-    let winning = if will_do(&winner) { belief(best) } else { 0.0 } + belief(measure.criterion(&winner.fit));
-    let alike: Vec<&Rival> = rivals
-        .iter()
-        .filter(|r| r.candidate != winner.candidate && measure.criterion(&r.fit) - best <= DECISIVE)
-        .collect();
+    let of_rival = |r: &Rival| {
+        let b = measure.criterion(&r.fit);
+        belief(if as_good(r) { b.min(best + TIE) } else { b })
+    };
+    let total: f64 = rivals.iter().map(of_rival).sum::<f64>() + belief(before);
+    let winning = if will_do(&winner) { belief(best) } else { 0.0 } + of_rival(&winner);
+    let is_alike = |r: &Rival| as_good(r) || measure.criterion(&r.fit) - best <= DECISIVE;
+    let alike: Vec<&Rival> = rivals.iter().filter(|r| r.candidate != winner.candidate && is_alike(r)).collect();
     if !alike.is_empty() {
         let point = |r: &&Rival| RivalPoint { candidate: r.candidate, u: r.fit.u.clone() };
         state.rivals = [&winner].iter().chain(&alike).map(point).collect();

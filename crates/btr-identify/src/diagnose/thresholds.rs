@@ -9,6 +9,9 @@ pub const HELD_OUT_FALL: f64 = 0.04;
 /// A difference of B not worth more than a bare mention (R. E. Kass and A. E. Raftery, "Bayes factors", Journal of
 /// the American Statistical Association 90, 1995): the rival with the fewest parameters is named.
 pub const TIE: f64 = 2.0;
+/// Largest share by which sums of squares differ that says nothing, however many samples there are: so much do two
+/// simulators of one model differ in what they make of it.
+pub const INDISTINCT: f64 = 0.0025;
 /// Largest error on held-out logs, if there are any, for the findings to explain it where small errors grow, so that
 /// the noise floors are only roughly known. Without that, both errors must be noise.
 pub const EXPLAINED: f64 = 1.5;
