@@ -174,14 +174,17 @@ impl DiagnosisState {
         self.held_out.is_some_and(|squares| chi(squares, objective.samples(LogSet::HeldOut)) > NOISE)
     }
 
-    /// Whether the fit explains everything with another objective, such as one with starts from the fitted model.
+    /// Whether the fit explains everything with another objective, such as one with starts from the fitted model; or,
+    /// once effects are found, all but noise where it leaves more now.
     pub(super) fn is_explained_by(&self, objective: &Objective) -> bool {
         let again = FitPoint::at(objective, self.fit.active.clone(), self.fit.u.clone(), &self.fit.step_error);
         let Ok(mut fit) = again else { return false };
         fit.solve(objective, FOLLOWER);
         let samples = objective.samples(LogSet::HeldOut).max(1);
         let judged = held_out_squares(objective, &fit.u).map_or(0.0, |squares| chi(squares, samples));
-        !self.leaves_something(objective, &fit) && judged <= NOISE
+        let is_noise = |fit: &FitPoint| chi(fit.squares(), objective.samples(LogSet::Learn)) <= NOISE;
+        let becomes_noise = !self.chosen.is_empty() && !is_noise(&self.fit) && is_noise(&fit);
+        (becomes_noise || !self.leaves_something(objective, &fit)) && judged <= NOISE
     }
 
     /// Continues with another objective.
