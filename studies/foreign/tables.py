@@ -100,41 +100,43 @@ def reliability(outcomes: list[Outcome]) -> list[Bin]:
     return bins
 
 
-LEFT, TOP, SIDE = 70.0, 34.0, 340.0
+LEFT, TOP, WIDTH, HEIGHT = 60.0, 40.0, 520.0, 300.0
+BLUE, ORANGE = "#1f5fa8", "#c26a1b"
 
 
 def draw(outcomes: list[Outcome], file: Path) -> None:
-    """How often a name is right over the probability that btr gives it; a disc's area is the number of names."""
+    """How often a name is right, for each range of the probability that btr gives it, and what it gives on average."""
 
-    def x(p: float) -> float:
-        return LEFT + SIDE * p
-
-    def y(p: float) -> float:
-        return TOP + SIDE * (1.0 - p)
+    def y(share: float) -> float:
+        return TOP + HEIGHT * (1.0 - share)
 
     title = f"how often a named effect is the hidden one: {len(outcomes)} robots"
     parts = [f'<text x="{LEFT}" y="20">{title}</text>']
-    for k in range(6):
-        value = k / 5
-        parts.append(f'<line x1="{x(0)}" x2="{x(1)}" y1="{y(value):.1f}" y2="{y(value):.1f}" stroke="#e4e4e4"/>')
+    for value in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
+        ends = f'x1="{LEFT}" x2="{LEFT + WIDTH}" y1="{y(value):.1f}" y2="{y(value):.1f}"'
+        parts.append(f'<line {ends} stroke="#e4e4e4"/>')
         parts.append(f'<text x="{LEFT - 8}" y="{y(value) + 4:.1f}" text-anchor="end">{value:.1f}</text>')
-        parts.append(f'<text x="{x(value):.1f}" y="{TOP + SIDE + 20}" text-anchor="middle">{value:.1f}</text>')
-    parts.append(f'<text x="{x(0.5)}" y="{TOP + SIDE + 40}" text-anchor="middle">probability that btr gives</text>')
-    parts.append(f'<line x1="{x(0)}" y1="{y(0)}" x2="{x(1)}" y2="{y(1)}" stroke="#888" stroke-dasharray="4 4"/>')
     bins = reliability(outcomes)
-    most = max((names for _, _, names, _, _ in bins), default=1)
-    for _, _, names, right, mean in bins:
-        share, radius = right / names, 4.0 + 12.0 * (names / most) ** 0.5
-        low, high = wilson(right, names)
-        at = x(mean)
-        parts.append(f'<line x1="{at:.1f}" x2="{at:.1f}" y1="{y(low):.1f}" y2="{y(high):.1f}" stroke="#1f5fa8"/>')
-        parts.append(f'<circle cx="{at:.1f}" cy="{y(share):.1f}" r="{radius:.1f}" fill="#1f5fa8" opacity="0.75"/>')
-        # The largest disc's label would cover its neighbour's.
-        left, down = (-radius, radius + 16.0) if names == most else (radius + 4.0, 4.0)
-        place = f'x="{at - left:.1f}" y="{y(share) + down:.1f}"'
-        parts.append(f'<text {place} text-anchor="end">{right}/{names}</text>')
-    frame = 'width="440" height="430" viewBox="0 0 440 430" font-family="sans-serif" font-size="13" fill="#333"'
-    body = '<rect width="440" height="430" fill="white"/>' + "".join(parts)
+    column = WIDTH / max(len(bins), 1)
+    for place, (low, high, names, right, mean) in enumerate(bins):
+        at = LEFT + column * (place + 0.5)
+        least, most = wilson(right, names)
+        parts += [
+            f'<rect x="{at - 18:.1f}" y="{y(mean) - 1.5:.1f}" width="36" height="3" fill="{ORANGE}"/>',
+            f'<line x1="{at:.1f}" x2="{at:.1f}" y1="{y(least):.1f}" y2="{y(most):.1f}" stroke="{BLUE}"/>',
+            f'<circle cx="{at:.1f}" cy="{y(right / names):.1f}" r="6" fill="{BLUE}"/>',
+            f'<text x="{at:.1f}" y="{TOP + HEIGHT + 20}" text-anchor="middle">{low:g} to {high:g}</text>',
+            f'<text x="{at:.1f}" y="{TOP + HEIGHT + 38}" text-anchor="middle" fill="{BLUE}">{right} of {names}</text>',
+        ]
+    below = TOP + HEIGHT + 62
+    parts.append(f'<text x="{LEFT + WIDTH / 2}" y="{below}" text-anchor="middle">probability that btr gives</text>')
+    says = "names that are right, with 95 % interval"
+    parts.append(f'<circle cx="{LEFT + 36}" cy="{below + 18}" r="6" fill="{BLUE}"/>')
+    parts.append(f'<text x="{LEFT + 50}" y="{below + 22}" fill="{BLUE}">{says}</text>')
+    parts.append(f'<rect x="{LEFT + 330}" y="{below + 16}" width="24" height="3" fill="{ORANGE}"/>')
+    parts.append(f'<text x="{LEFT + 362}" y="{below + 22}" fill="{ORANGE}">mean probability</text>')
+    frame = 'width="600" height="440" viewBox="0 0 600 440" font-family="sans-serif" font-size="13" fill="#333"'
+    body = '<rect width="600" height="440" fill="white"/>' + "".join(parts)
     file.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {frame}>{body}</svg>\n')
 
 
