@@ -14,6 +14,8 @@ base = "fixed"
 kind = "position"
 kp = 20.0
 kd = 0.5
+[simulation]
+steps_per_control = 7
 [noise]
 position_rad = 0.0005
 [parameters]
@@ -58,6 +60,7 @@ def recorded(robot: btr.Model, seed: int, hold_s: float, cut_s: float) -> btr.Lo
         return np.minimum(since_s, 1) * sum(a * np.sin(w * since_s + p) for a, w, p in parts)
 
     response = robot.simulate(btr.Log(clock_s, {"cmd_j1": waves(), "cmd_j2": waves()}), seed=seed)
+    # A simulation logs each of its steps; the robot's log has a row for each command.
     rows = np.arange(0, len(response), 7)
     rows = rows[response.clock_s[rows] >= cut_s - 1e-9]
     return btr.Log(
