@@ -74,6 +74,24 @@ pub(super) fn judge_rivals(
     let will_do = |r: &Rival| inside.contains(&r.candidate) && !earns_its_parameters(objective, &leader.fit, &r.fit);
     let tied = |r: &&Rival| measure.criterion(&r.fit) - best <= TIE || will_do(r);
     let winner = passing.iter().copied().filter(tied).min_by_key(|r| (r.fit.active.len(), r.candidate))?.clone();
+    // A law that the leader contains and that will do stands for the leader as well.
+    let stands_for = will_do(&winner).then_some(best);
+    let found = named(objective, state, &measure, &rivals, &winner, (best, stands_for));
+    Some((winner, found))
+}
+
+/// The winner as a finding: its share of the belief in all rivals, and those that cannot be told from it; `best` is the
+/// lowest B that passes, and `stands_for` that of a rival whose share is the winner's as well.
+fn named(
+    objective: &Objective,
+    state: &mut DiagnosisState,
+    measure: &ComparisonMeasure,
+    rivals: &[Rival],
+    winner: &Rival,
+    (best, stands_for): (f64, Option<f64>),
+) -> MissingEffect {
+    let candidates = objective.candidates();
+    let before = measure.criterion(&state.fit);
     let as_good = |r: &Rival| {
         r.fit.active.len() <= winner.fit.active.len() && r.fit.squares() <= (1.0 + INDISTINCT) * winner.fit.squares()
     };
@@ -83,17 +101,16 @@ pub(super) fn judge_rivals(
         belief(if as_good(r) { b.min(best + TIE) } else { b })
     };
     let total: f64 = rivals.iter().map(of_rival).sum::<f64>() + belief(before);
-    let winning = if will_do(&winner) { belief(best) } else { 0.0 } + of_rival(&winner);
+    let winning = stands_for.map_or(0.0, belief) + of_rival(winner);
     let is_alike = |r: &Rival| as_good(r) || measure.criterion(&r.fit) - best <= DECISIVE;
     let alike: Vec<&Rival> = rivals.iter().filter(|r| r.candidate != winner.candidate && is_alike(r)).collect();
     if !alike.is_empty() {
         let point = |r: &&Rival| RivalPoint { candidate: r.candidate, u: r.fit.u.clone() };
-        state.rivals = [&winner].iter().chain(&alike).map(point).collect();
+        state.rivals = [&winner].into_iter().chain(&alike).map(point).collect();
     }
     let gained = before - measure.criterion(&winner.fit);
-    let found = MissingEffect {
+    MissingEffect {
         alike: alike.iter().map(|r| candidates[r.candidate].name()).collect(),
         ..MissingEffect::of(winner.candidate, &candidates[winner.candidate], winning / total, gained)
-    };
-    Some((winner, found))
+    }
 }

@@ -80,7 +80,11 @@ impl MovingBody {
 
 /// For each movable joint an upper estimate of the inertia that it moves in any pose, in kg·m² (kg for slides).
 pub fn carried_inertia(robot: &Robot) -> Vec<f64> {
-    carried(robot, |body, arm| body.mass_kg * arm.norm_squared() + body.inertia_kg_m2.trace())
+    carried(robot, inertia_in_any_pose)
+}
+
+fn inertia_in_any_pose(body: &MovingBody, arm: &Vector3<f64>) -> f64 {
+    body.mass_kg * arm.norm_squared() + body.inertia_kg_m2.trace()
 }
 
 /// The same, but with the inertia of the joint's own link about the joint's axis: a roll joint turns a long link with
@@ -93,7 +97,7 @@ pub fn turned_inertia(robot: &Robot) -> Vec<f64> {
     })
 }
 
-/// For each movable joint the inertia that it moves in the start pose; `own` is that of its own link, at `arm` from it.
+/// For each movable joint the inertia that it moves; `own` is that of its own link, whose centre of mass is at `arm`.
 fn carried(robot: &Robot, own: impl Fn(&MovingBody, &Vector3<f64>) -> f64) -> Vec<f64> {
     let bodies = bodies(robot);
     let poses = start_poses(robot, &bodies);
@@ -106,9 +110,7 @@ fn carried(robot: &Robot, own: impl Fn(&MovingBody, &Vector3<f64>) -> f64) -> Ve
             carried[at] += match joint.kind {
                 JointKind::Prismatic => body.mass_kg,
                 JointKind::Revolute | JointKind::Fixed if at == index => own(body, &arm),
-                JointKind::Revolute | JointKind::Fixed => {
-                    body.mass_kg * arm.norm_squared() + body.inertia_kg_m2.trace()
-                }
+                JointKind::Revolute | JointKind::Fixed => inertia_in_any_pose(body, &arm),
             };
             at = bodies[at].parent;
         }

@@ -46,6 +46,13 @@ fn a_load_at_the_end_of_a_link_is_a_payload_there() {
 }
 
 #[test]
+fn a_place_may_be_on_any_side_and_a_mass_may_not() {
+    assert!(placed("com_offset", "bob", &[-0.5, 0.0, 0.0]).check().is_ok());
+    assert!(placed("tool_load", "bob", &[0.5, 0.0, 0.0, -1.4]).check().is_ok());
+    assert!(placed("tool_load", "bob", &[-0.5, 0.0, 0.0, 0.1]).check().is_err());
+}
+
+#[test]
 fn a_roll_joint_turns_a_long_link_with_little_inertia() {
     let mut robot = pendulum(1.3, 0.7, Actuator::Passive);
     robot.links[1].inertia_kg_m2 = Matrix3::from_diagonal(&Vector3::new(0.2, 0.3, 0.01));
