@@ -14,8 +14,6 @@ base = "fixed"
 kind = "position"
 kp = 20.0
 kd = 0.5
-[simulation]
-steps_per_control = 7
 [noise]
 position_rad = 0.0005
 [parameters]
@@ -61,7 +59,7 @@ def recorded(robot: btr.Model, seed: int, hold_s: float, cut_s: float) -> btr.Lo
 
     response = robot.simulate(btr.Log(clock_s, {"cmd_j1": waves(), "cmd_j2": waves()}), seed=seed)
     # A simulation logs each of its steps; the robot's log has a row for each command.
-    rows = np.arange(0, len(response), 7)
+    rows = np.arange(0, len(response), round(0.01 / response.clock_s[1]))
     rows = rows[response.clock_s[rows] >= cut_s - 1e-9]
     return btr.Log(
         response.clock_s[rows], {name: response[name][rows] for name in ("cmd_j1", "cmd_j2", "q_j1", "q_j2")}

@@ -174,8 +174,8 @@ impl DiagnosisState {
         self.held_out.is_some_and(|squares| chi(squares, objective.samples(LogSet::HeldOut)) > NOISE)
     }
 
-    /// Whether the fit explains everything with another objective, such as one with starts from the fitted model; or,
-    /// once effects are found, all but noise where it leaves more now.
+    /// Whether the fit explains everything with another objective, such as one with starts from the fitted model; or
+    /// all but noise where the held-out logs now show more, or, once effects are found, any logs.
     pub(super) fn is_explained_by(&self, objective: &Objective) -> bool {
         let again = FitPoint::at(objective, self.fit.active.clone(), self.fit.u.clone(), &self.fit.step_error);
         let Ok(mut fit) = again else { return false };
@@ -183,7 +183,8 @@ impl DiagnosisState {
         let samples = objective.samples(LogSet::HeldOut).max(1);
         let judged = held_out_squares(objective, &fit.u).map_or(0.0, |squares| chi(squares, samples));
         let is_noise = |fit: &FitPoint| chi(fit.squares(), objective.samples(LogSet::Learn)) <= NOISE;
-        let becomes_noise = !self.chosen.is_empty() && !is_noise(&self.fit) && is_noise(&fit);
+        let is_more_now = self.fails_on_held_out(objective) || !self.chosen.is_empty() && !is_noise(&self.fit);
+        let becomes_noise = is_more_now && is_noise(&fit);
         (becomes_noise || !self.leaves_something(objective, &fit)) && judged <= NOISE
     }
 
