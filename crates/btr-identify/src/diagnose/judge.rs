@@ -62,13 +62,15 @@ pub(super) fn judge_rivals(
         let learnt = 1.0 - r.fit.squares() / state.fit.squares();
         before - measure.criterion(&r.fit) > DECISIVE && learnt > LEARNT_FALL && confirmed(**squares)
     };
-    let passing: Vec<&Rival> = rivals.iter().zip(&held_out).filter(passes).map(|(r, _)| r).collect();
+    let passing: Vec<(&Rival, &Option<f64>)> = rivals.iter().zip(&held_out).filter(passes).collect();
     let first = rivals.first()?;
-    let best = passing.first().map_or(f64::INFINITY, |r| measure.criterion(&r.fit));
+    let best = passing.first().map_or(f64::INFINITY, |(r, _)| measure.criterion(&r.fit));
     if best - measure.criterion(&first.fit) > DECISIVE {
         state.unconfirmed = unconfirmed(objective, state, &measure, &rivals);
         return None;
     }
+    let (passing, contradicted) = contradicted_by_held_out(&measure, best, passing);
+    let best = passing.first().map_or(f64::INFINITY, |r| measure.criterion(&r.fit));
     let leader = passing.first()?;
     let inside = &candidates[leader.candidate].nested;
     let will_do = |r: &Rival| inside.contains(&r.candidate) && !earns_its_parameters(objective, &leader.fit, &r.fit);
@@ -76,8 +78,27 @@ pub(super) fn judge_rivals(
     let winner = passing.iter().copied().filter(tied).min_by_key(|r| (r.fit.active.len(), r.candidate))?.clone();
     // A law that the leader contains and that will do stands for the leader as well.
     let stands_for = will_do(&winner).then_some(best);
+    rivals.retain(|r| !contradicted.contains(&r.candidate));
     let found = named(objective, state, &measure, &rivals, &winner, (best, stands_for));
     Some((winner, found))
+}
+
+/// The rivals, which pass and are sorted by B, without those that the training logs hardly tell from the first, but
+/// the held-out logs from the one that explains them best; and the candidates that are left out.
+fn contradicted_by_held_out<'a>(
+    measure: &ComparisonMeasure,
+    best: f64,
+    passing: Vec<(&'a Rival, &Option<f64>)>,
+) -> (Vec<&'a Rival>, Vec<usize>) {
+    let close = |r: &Rival| measure.criterion(&r.fit) - best <= DECISIVE;
+    let lowest = passing.iter().filter(|(r, _)| close(r)).filter_map(|(_, squares)| **squares);
+    let lowest = lowest.fold(f64::INFINITY, f64::min);
+    let contradicted = |r: &Rival, squares: &Option<f64>| {
+        let squares = squares.unwrap_or(0.0);
+        close(r) && measure.scaled(squares - lowest) > DECISIVE && squares > (1.0 + HELD_OUT_FALL) * lowest
+    };
+    let (out, left): (Vec<_>, Vec<_>) = passing.into_iter().partition(|(r, squares)| contradicted(r, squares));
+    (left.into_iter().map(|(r, _)| r).collect(), out.iter().map(|(r, _)| r.candidate).collect())
 }
 
 /// The winner as a finding: its share of the belief in all rivals, and those that cannot be told from it; `best` is the

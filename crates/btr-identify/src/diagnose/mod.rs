@@ -122,6 +122,7 @@ fn go_on(
                     state = both;
                     objective.set_stoppable(false);
                 }
+                None if state.replace_by_unconfirmed(objective, on_step) => (),
                 None => {
                     cut_short = second_looks.refused || objective.is_stopped();
                     break;

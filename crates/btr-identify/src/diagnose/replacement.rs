@@ -7,6 +7,7 @@ use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
 use crate::fit::{FitPoint, Objective, SearchBudget};
+use crate::residual_model::Parametrisation;
 use std::ops::Range;
 
 impl DiagnosisState {
@@ -17,8 +18,8 @@ impl DiagnosisState {
             fit
         });
         // The latest effect may have adapted to this one: also fits it as if this one had never been found.
-        let without =
-            removed.into_iter().chain(self.instead(objective, index)).min_by(|a, b| a.cost.total_cmp(&b.cost));
+        let others = [self.merged(objective, index), self.instead(objective, index)];
+        let without = removed.into_iter().chain(others.into_iter().flatten()).min_by(|a, b| a.cost.total_cmp(&b.cost));
         without.map(|mut fit| {
             let near = (1.0 + LEARNT_FALL) * self.fit.squares()..CLOSE * self.fit.squares();
             if near.contains(&fit.squares()) {
@@ -38,6 +39,29 @@ impl DiagnosisState {
         gone.iter().for_each(|&parameter| u[parameter] = 0.0);
         let active = self.fit.active.iter().copied().filter(|parameter| !gone.contains(parameter)).collect();
         FitPoint::at(objective, active, u, &self.fit.step_error).ok()
+    }
+
+    /// The latest of the chosen with what a similar one of fewer parameters has given so far: Coulomb's friction is
+    /// part of Stribeck's, and the way from both at once to the latter alone leads over a higher cost.
+    fn merged(&self, objective: &Objective, index: usize) -> Option<FitPoint> {
+        let candidate = |k: usize| &objective.candidates()[self.chosen[k].candidate];
+        let latest = self.chosen.len() - 1;
+        let (part, whole) = (candidate(index), candidate(latest));
+        let is_part = part.similar.contains(&self.chosen[latest].candidate)
+            && part.parameters().count() < whole.parameters().count();
+        let mut fit = if is_part { self.less(objective, &[index]) } else { None }?;
+        let parameters = objective.parameters();
+        let is_added = |k: &&usize| parameters[**k].law == Parametrisation::Linear;
+        for &amplitude in whole.amplitudes.iter().filter(is_added) {
+            let parameter = &parameters[amplitude];
+            let same_unit = part.amplitudes.iter().filter(is_added).filter(|&&k| parameters[k].unit == parameter.unit);
+            let given: f64 = same_unit.map(|&k| parameters[k].value(self.fit.u[k])).sum();
+            let value = parameter.value(fit.u[amplitude]) + given;
+            fit.u[amplitude] = parameter.clamp(parameter.coordinate(value));
+        }
+        let mut fit = FitPoint::at(objective, fit.active, fit.u, &self.fit.step_error).ok()?;
+        fit.solve(objective, SearchBudget { jacobians: 2, steps: 12 });
+        Some(fit)
     }
 
     /// The latest of the chosen fitted in the place of an earlier one.
@@ -125,21 +149,51 @@ impl DiagnosisState {
             if !self.leaves_something(objective, &self.fit) {
                 return;
             }
-            let chosen = |candidate: &usize| self.chosen.iter().any(|found| found.candidate == *candidate);
             let was_alike = |candidate: &usize| self.chosen[index].alike.contains(&candidates[*candidate].name());
-            let alike: Vec<usize> = (0..candidates.len()).filter(|c| was_alike(c) && !chosen(c)).collect();
-            let rival = if alike.is_empty() { None } else { self.replaced(objective, &[index], &alike) };
-            let Some(rival) = rival else { continue };
-            let measure = ComparisonMeasure::of(objective, &rival.fit);
-            let gains = measure.criterion(&self.fit) - measure.criterion(&rival.fit);
-            let held_out = self.held_out.and_then(|_| held_out_squares(objective, &rival.fit.u));
-            let confirmed = self.held_out.is_none_or(|now| held_out.is_some_and(|b| b < (1.0 - HELD_OUT_FALL) * now));
-            if gains > DECISIVE && rival.fit.squares() < (1.0 - LEARNT_FALL) * self.fit.squares() && confirmed {
-                self.rename(objective, index, rival, -gains);
-                self.chosen[index].alike.clear();
+            let alike: Vec<usize> = (0..candidates.len()).filter(|c| was_alike(c) && !self.is_chosen(*c)).collect();
+            let confirmed = |now: f64, then: f64| then < (1.0 - HELD_OUT_FALL) * now;
+            if self.give_way(objective, index, &alike, confirmed) {
                 self.ladder.last().into_iter().for_each(on_step);
             }
         }
+    }
+
+    /// Replaces a similar finding by what only the training logs show, where that explains decisively more and the
+    /// held-out logs no less: they may hold too little of it to confirm it. Says whether it did.
+    pub(super) fn replace_by_unconfirmed(&mut self, objective: &Objective, on_step: &dyn Fn(&LadderStep)) -> bool {
+        let Some(candidate) = self.unconfirmed.take().map(|(rival, _)| rival.candidate) else { return false };
+        let not_contradicted = |now: f64, then: f64| then <= now;
+        let replaced = (0..self.chosen.len()).any(|index| {
+            let is_similar = objective.candidates()[candidate].similar.contains(&self.chosen[index].candidate);
+            is_similar && self.give_way(objective, index, &[candidate], not_contradicted)
+        });
+        if replaced {
+            self.ladder.last().into_iter().for_each(on_step);
+        }
+        replaced
+    }
+
+    /// Replaces a finding by one of some candidates that explains decisively more, if the held-out logs, whose sums of
+    /// squares now and then are compared, agree. Says whether it did.
+    fn give_way(
+        &mut self,
+        objective: &Objective,
+        index: usize,
+        candidates: &[usize],
+        agree: impl Fn(f64, f64) -> bool,
+    ) -> bool {
+        let rival = if candidates.is_empty() { None } else { self.replaced(objective, &[index], candidates) };
+        let Some(rival) = rival else { return false };
+        let measure = ComparisonMeasure::of(objective, &rival.fit);
+        let gains = measure.criterion(&self.fit) - measure.criterion(&rival.fit);
+        let then = self.held_out.and_then(|_| held_out_squares(objective, &rival.fit.u));
+        let agreed = self.held_out.is_none_or(|now| then.is_some_and(|then| agree(now, then)));
+        let better = gains > DECISIVE && rival.fit.squares() < (1.0 - LEARNT_FALL) * self.fit.squares() && agreed;
+        if better {
+            self.rename(objective, index, rival, -gains);
+            self.chosen[index].alike.clear();
+        }
+        better
     }
 
     fn rename(&mut self, objective: &Objective, index: usize, rival: Rival, costs: f64) {

@@ -40,17 +40,20 @@ pub(super) struct DiagnosisState {
 impl DiagnosisState {
     /// The candidates that may be found next.
     pub(super) fn offered(&self, objective: &Objective) -> Vec<usize> {
-        let chosen = |candidate: &usize| self.chosen.iter().any(|found| found.candidate == *candidate);
         let acts = |needs: &Needs| match needs {
             Needs::Nothing => true,
-            Needs::OneOf(others) => others.iter().any(chosen),
-            Needs::Instance(first) => chosen(first),
+            Needs::OneOf(others) => others.iter().any(|&other| self.is_chosen(other)),
+            Needs::Instance(first) => self.is_chosen(*first),
         };
         let candidates = objective.candidates().iter().enumerate();
         candidates
-            .filter(|(index, candidate)| !chosen(index) && acts(&candidate.needs))
+            .filter(|(index, candidate)| !self.is_chosen(*index) && acts(&candidate.needs))
             .map(|(index, _)| index)
             .collect()
+    }
+
+    pub(super) fn is_chosen(&self, candidate: usize) -> bool {
+        self.chosen.iter().any(|found| found.candidate == candidate)
     }
 
     /// Number of effects found, companions and further instances left out.

@@ -30,8 +30,12 @@ impl ComparisonMeasure {
 
     /// The criterion B: lower is better. Differences above ten are decisive.
     pub fn criterion(&self, fit: &FitPoint) -> f64 {
-        let scale = self.variance * self.memory;
-        fit.squares() / scale + fit.active.len() as f64 * (self.samples / self.memory).ln()
+        self.scaled(fit.squares()) + fit.active.len() as f64 * (self.samples / self.memory).ln()
+    }
+
+    /// What a sum of squares of such a residual contributes to B.
+    pub fn scaled(&self, squares: f64) -> f64 {
+        squares / self.inflation()
     }
 
     /// The factor of the covariance of estimates.

@@ -24,7 +24,7 @@ static SPEC: EffectSpec = EffectSpec {
     symptom: "the link lags by the gap after every reversal of the torque, and is loose where it carries no load",
     params: &[Param::new("gap", "rad", (0.0, 0.5), 0.03)],
     starts: &[],
-    similar: &["joint_elasticity", "command_deadband"],
+    similar: &["joint_elasticity", "command_deadband", "command_offset"],
     nested: &[],
 };
 
