@@ -8,6 +8,7 @@
 mod companion;
 mod evidence;
 mod judge;
+mod pair;
 mod refit;
 mod replacement;
 mod report;
@@ -26,7 +27,8 @@ use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, NOISE};
 use crate::fit::{FitPoint, Intervals, Objective, RESTARTS, SearchBudget, estimates};
 use btr_core::world::{Cancelled, WorldError};
-use companion::{companion, exchange, is_near};
+use companion::{companion, is_near};
+use pair::{exchange, exchange_for_larger};
 use refit::Rival;
 use residual_law::residual_law;
 use round::{SecondLooks, round};
@@ -133,6 +135,7 @@ fn go_on(
         while let Some((rival, found)) = companion(objective, &mut state) {
             add(objective, &mut state, rival, found, on_step);
         }
+        exchange_for_larger(objective, &mut state, on_step);
         if is_near(objective, &state) {
             state.reconsider(objective, on_step);
         }

@@ -31,7 +31,7 @@ impl DiagnosisState {
 
     /// The point without some of the chosen; all else stays. `None` where that cannot be simulated: then they stay
     /// chosen.
-    fn less(&self, objective: &Objective, indices: &[usize]) -> Option<FitPoint> {
+    pub(super) fn less(&self, objective: &Objective, indices: &[usize]) -> Option<FitPoint> {
         let parameters =
             |&index: &usize| objective.candidates()[self.chosen[index].candidate].parameters().collect::<Vec<_>>();
         let gone: Vec<usize> = indices.iter().flat_map(parameters).collect();

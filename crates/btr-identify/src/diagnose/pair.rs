@@ -1,0 +1,189 @@
+//! Pairs: an effect with a companion in the place of a finding that comes closer by itself than either of them.
+
+use super::companion::{is_near, with_each};
+use super::evidence::LogErrors;
+use super::refit::{FOLLOWER, Rival};
+use super::report::{Evidence, MissingEffect};
+use super::screen::{StartPoint, simulate_worst, with};
+use super::state::DiagnosisState;
+use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL};
+use crate::LadderStep;
+use crate::fit::measure::{ComparisonMeasure, NOISE, held_out_squares};
+use crate::fit::residual_vector::chi;
+use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
+use crate::residual_model::Needs;
+
+/// Sizes of a companion at which it is tried with a larger law, ...
+const SIZES: [f64; 3] = [0.5, 3.0, 16.0];
+/// ... that law's amplitudes, as shares of what is found, ...
+const SHARES: [f64; 2] = [0.8, 2.0];
+/// ... and how many of these points are fitted.
+const FITTED: usize = 3;
+
+/// Two candidates in the place of one that was found.
+struct Pair {
+    /// Index among the findings.
+    index: usize,
+    effect: usize,
+    /// With the fit of both.
+    companion: Rival,
+}
+
+/// Replaces findings by a similar effect with its companion where the two together explain decisively more.
+pub(super) fn exchange(objective: &mut Objective, state: &mut DiagnosisState, on_step: &dyn Fn(&LadderStep)) {
+    for index in 0..state.chosen.len() {
+        if is_near(objective, state)
+            && let Some(pair) = better_pair(objective, state, index)
+        {
+            accept_pair(objective, state, pair, on_step);
+            // With the companion, a simpler law may do.
+            state.simplify(objective, index..index + 1);
+        }
+    }
+}
+
+fn better_pair(objective: &Objective, state: &DiagnosisState, index: usize) -> Option<Pair> {
+    let candidates = objective.candidates();
+    let found = state.chosen[index].candidate;
+    // A pair that is larger than what it replaces by more than the companion is no simpler explanation.
+    let no_larger =
+        |effect: &&usize| candidates[**effect].parameters().count() <= candidates[found].parameters().count();
+    let pairs = candidates[found].similar.iter().filter(no_larger).filter_map(|&effect| {
+        let changes = |needs: &Needs, other: usize| matches!(needs, Needs::OneOf(others) if others.contains(&other));
+        let companions: Vec<usize> = (0..candidates.len())
+            .filter(|&c| changes(&candidates[c].needs, effect) && !changes(&candidates[c].needs, found))
+            .collect();
+        let base = (!companions.is_empty()).then(|| state.replaced(objective, &[index], &[effect])).flatten()?;
+        let companion = with_each(objective, &base.fit, &companions).into_iter().next()?;
+        Some(Pair { index, effect, companion })
+    });
+    let best = pairs.min_by(|a, b| a.companion.fit.cost.total_cmp(&b.companion.fit.cost))?;
+    is_better(objective, state, &best.companion.fit).then_some(best)
+}
+
+/// Whether a fit explains decisively more than the current one, and the held-out logs confirm it.
+fn is_better(objective: &Objective, state: &DiagnosisState, then: &FitPoint) -> bool {
+    let measure = ComparisonMeasure::of(objective, &state.fit);
+    let now = &state.fit;
+    let confirms =
+        |now: f64| held_out_squares(objective, &then.u).is_some_and(|squares| squares < (1.0 - HELD_OUT_FALL) * now);
+    measure.criterion(now) - measure.criterion(then) > DECISIVE
+        && then.squares() < (1.0 - LEARNT_FALL) * now.squares()
+        && state.held_out.is_none_or(confirms)
+}
+
+/// Replaces findings by a larger law with its companion, which may be among the findings, where an error is left.
+/// Either alone may explain nothing: Stribeck's friction becomes Coulomb's where nothing creeps, and what creeps is
+/// its static part. So they are fitted together, from the friction found so far.
+pub(super) fn exchange_for_larger(
+    objective: &mut Objective,
+    state: &mut DiagnosisState,
+    on_step: &dyn Fn(&LadderStep),
+) {
+    for index in 0..state.chosen.len() {
+        let leaves = chi(state.fit.squares(), objective.samples(LogSet::Learn));
+        if leaves > NOISE
+            && is_near(objective, state)
+            && let Some(pair) = larger_pair(objective, state, index)
+        {
+            accept_pair(objective, state, pair, on_step);
+            state.simplify(objective, index..index + 1);
+        }
+    }
+}
+
+fn larger_pair(objective: &Objective, state: &DiagnosisState, index: usize) -> Option<Pair> {
+    let candidates = objective.candidates();
+    let found = &candidates[state.chosen[index].candidate];
+    let is_larger = |effect: &&usize| {
+        candidates[**effect].parameters().count() > found.parameters().count() && !state.is_chosen(**effect)
+    };
+    let pairs = found.similar.iter().filter(is_larger).flat_map(|&effect| {
+        let changes = move |c: &usize| matches!(&candidates[*c].needs, Needs::OneOf(all) if all.contains(&effect));
+        let together = move |companion| fitted_together(objective, state, index, effect, companion);
+        (0..candidates.len()).filter(changes).filter_map(together)
+    });
+    let best = pairs.min_by(|a, b| a.companion.fit.cost.total_cmp(&b.companion.fit.cost))?;
+    is_better(objective, state, &best.companion.fit).then_some(best)
+}
+
+/// An effect in the place of a finding together with a companion, fitted from where both explain most of several
+/// points: the effect's amplitudes as large as the finding's of the same unit, or one of them larger.
+fn fitted_together(
+    objective: &Objective,
+    state: &DiagnosisState,
+    index: usize,
+    effect: usize,
+    companion: usize,
+) -> Option<Pair> {
+    let (candidates, parameters) = (objective.candidates(), objective.parameters());
+    let (law, added) = (&candidates[effect], &candidates[companion]);
+    let mut base = state.less(objective, &[index])?;
+    base.active = with(&base, law);
+    base.active = with(&base, added);
+    let found = &candidates[state.chosen[index].candidate].amplitudes;
+    let of_found = |unit: &str| {
+        let same = found.iter().filter(|&&k| parameters[k].unit == unit);
+        same.map(|&k| parameters[k].value(state.fit.u[k])).sum::<f64>()
+    };
+    let mut points = vec![base.u.clone()];
+    for &amplitude in &law.amplitudes {
+        let parameter = &parameters[amplitude];
+        let value = of_found(&parameter.unit);
+        points = varied(points, &SHARES, |u, share| {
+            u[amplitude] = parameter.clamp(parameter.coordinate(share * value));
+        });
+    }
+    points = varied(points, &law.starts, |u, shapes| law.shapes.iter().zip(shapes).for_each(|(&k, &u0)| u[k] = u0));
+    points = varied(points, &added.starts, |u, shapes| added.shapes.iter().zip(shapes).for_each(|(&k, &u0)| u[k] = u0));
+    points = varied(points, &SIZES, |u, size| {
+        added.amplitudes.iter().for_each(|&k| u[k] = parameters[k].clamp(*size));
+    });
+    let start = |u| StartPoint { candidate: effect, base: 0, u, cost: f64::INFINITY };
+    let mut starts: Vec<StartPoint> = points.into_iter().map(start).collect();
+    simulate_worst(objective, &base, &mut starts);
+    starts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let fitted = starts.into_iter().take(FITTED).filter_map(|start| {
+        let mut fit = FitPoint::at(objective, base.active.clone(), start.u, &base.step_error).ok()?;
+        fit.solve(objective, FOLLOWER);
+        Some(fit)
+    });
+    let fit = fitted.min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+    Some(Pair { index, effect, companion: Rival { candidate: companion, fit } })
+}
+
+/// Each of the points with each of the values.
+fn varied<T>(points: Vec<Vec<f64>>, values: &[T], set: impl Fn(&mut Vec<f64>, &T)) -> Vec<Vec<f64>> {
+    let with = |mut u: Vec<f64>, value| {
+        set(&mut u, value);
+        u
+    };
+    points.iter().flat_map(|u| values.iter().map(move |value| (u.clone(), value))).map(|(u, v)| with(u, v)).collect()
+}
+
+fn accept_pair(objective: &mut Objective, state: &mut DiagnosisState, pair: Pair, on_step: &dyn Fn(&LadderStep)) {
+    let Pair { index, effect, companion } = pair;
+    let before = LogErrors::of(objective, &state.fit, state.held_out);
+    let measure = ComparisonMeasure::of(objective, &state.fit);
+    let gained = measure.criterion(&state.fit) - measure.criterion(&companion.fit);
+    state.fit = companion.fit;
+    state.fit.jacobian = None;
+    state.fit.solve(objective, SearchBudget::FULL);
+    let candidates = objective.candidates();
+    let (similar, added) = (&candidates[effect], &candidates[companion.candidate]);
+    let found = &mut state.chosen[index];
+    let step = format!("{} + {} for {}@{}", similar.name(), added.name(), found.effect, found.site);
+    (found.effect, found.site, found.candidate) = (similar.effect.clone(), similar.site.clone(), effect);
+    (found.kind, found.delta_bic) = (similar.kind, found.delta_bic + gained);
+    found.alike.retain(|alike| *alike != similar.name());
+    if state.is_chosen(companion.candidate) {
+        state.record(objective, step, on_step);
+        return;
+    }
+    let probability = 1.0 / (1.0 + (-gained / 2.0).exp());
+    let added = MissingEffect::of(companion.candidate, added, probability, gained);
+    state.record(objective, step, on_step);
+    let after = LogErrors::of(objective, &state.fit, state.held_out);
+    let evidence = Evidence::of(&before, &after, state.unexplained_at_first);
+    state.chosen.push(MissingEffect { evidence, ..added });
+}
