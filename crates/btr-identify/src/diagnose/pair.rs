@@ -14,7 +14,7 @@ use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use crate::residual_model::Needs;
 
 /// Sizes of a companion at which it is tried with a larger law, ...
-const SIZES: [f64; 3] = [0.5, 3.0, 16.0];
+const SIZES: [f64; 3] = [0.5, 4.0, 30.0];
 /// ... that law's amplitudes, as shares of what is found, ...
 const SHARES: [f64; 2] = [0.8, 2.0];
 /// ... and how many of these points are fitted.
@@ -136,13 +136,18 @@ fn fitted_together(
     }
     points = varied(points, &law.starts, |u, shapes| law.shapes.iter().zip(shapes).for_each(|(&k, &u0)| u[k] = u0));
     points = varied(points, &added.starts, |u, shapes| added.shapes.iter().zip(shapes).for_each(|(&k, &u0)| u[k] = u0));
-    points = varied(points, &SIZES, |u, size| {
+    let mut sized = varied(points.clone(), &SIZES, |u, size| {
         added.amplitudes.iter().for_each(|&k| u[k] = parameters[k].clamp(*size));
     });
+    if state.is_chosen(companion) {
+        sized.extend(points);
+    }
     let start = |u| StartPoint { candidate: effect, base: 0, u, cost: f64::INFINITY };
-    let mut starts: Vec<StartPoint> = points.into_iter().map(start).collect();
+    let mut starts: Vec<StartPoint> = sized.into_iter().map(start).collect();
     simulate_worst(objective, &base, &mut starts);
     starts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    // A shape of no effect yet makes no difference.
+    starts.dedup_by(|a, b| a.cost == b.cost);
     let fitted = starts.into_iter().take(FITTED).filter_map(|start| {
         let mut fit = FitPoint::at(objective, base.active.clone(), start.u, &base.step_error).ok()?;
         fit.solve(objective, FOLLOWER);
