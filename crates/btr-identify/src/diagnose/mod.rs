@@ -180,8 +180,12 @@ fn add(
     state.eliminate(objective);
     // The latest effect has just been compared with the simpler ones, unless with an effect that is gone now.
     let left = state.chosen.len();
-    let which = if left < found { 0..left } else { 0..left.saturating_sub(1) };
-    state.simplify(objective, which);
+    if left < found {
+        state.simplify(objective, 0..left);
+    } else {
+        state.simplify(objective, 0..left.saturating_sub(1));
+        state.simplify_latest(objective);
+    }
 }
 
 /// Fits the model's free parameters without any effect.

@@ -1,7 +1,7 @@
 //! How findings are replaced: by a simpler effect that will do, or by one that could not be told from them before.
 
 use super::refit::{CLOSE, Rival, race};
-use super::screen::{StartPoint, screen};
+use super::screen::{StartPoint, screen, with};
 use super::state::{DiagnosisState, earns_its_parameters};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::LadderStep;
@@ -127,17 +127,41 @@ impl DiagnosisState {
                 continue;
             }
             let starts = self.carried_over(objective, index, &similar);
-            let Some(rival) = self.replaced_from(objective, &[index], &similar, starts) else { continue };
-            let measure = ComparisonMeasure::of(objective, &self.fit);
-            let costs = measure.criterion(&rival.fit) - measure.criterion(&self.fit);
-            let confirms = |now: f64| {
-                held_out_squares(objective, &rival.fit.u).is_some_and(|squares| squares <= (1.0 + HELD_OUT_FALL) * now)
-            };
-            let inside = effect.nested.contains(&rival.candidate);
-            let will_do = costs <= TIE || inside && !earns_its_parameters(objective, &self.fit, &rival.fit);
-            if will_do && self.held_out.is_none_or(confirms) {
-                self.rename(objective, index, rival, costs);
+            if let Some(rival) = self.replaced_from(objective, &[index], &similar, starts) {
+                self.rename_if_it_will_do(objective, index, rival);
             }
+        }
+    }
+
+    /// Replaces the latest effect by a law that it contains, fitted from its values, if that explains as much: the race
+    /// may not have brought that law as far as this one.
+    pub(super) fn simplify_latest(&mut self, objective: &Objective) {
+        let Some(index) = self.chosen.len().checked_sub(1) else { return };
+        let nested = &objective.candidates()[self.chosen[index].candidate].nested;
+        let nested: Vec<usize> = nested.iter().copied().filter(|&candidate| !self.is_chosen(candidate)).collect();
+        let Some(less) = (!nested.is_empty()).then(|| self.less(objective, &[index])).flatten() else { return };
+        let fitted = self.carried_over(objective, index, &nested).into_iter().filter_map(|start| {
+            let active = with(&less, &objective.candidates()[start.candidate]);
+            let mut fit = FitPoint::at(objective, active, start.u, &self.fit.step_error).ok()?;
+            fit.solve(objective, SearchBudget::FULL);
+            Some(Rival { candidate: start.candidate, fit })
+        });
+        if let Some(rival) = fitted.min_by(|a, b| a.fit.cost.total_cmp(&b.fit.cost)) {
+            self.rename_if_it_will_do(objective, index, rival);
+        }
+    }
+
+    /// Replaces a finding by a simpler one that explains as much, unless the held-out logs contradict it.
+    fn rename_if_it_will_do(&mut self, objective: &Objective, index: usize, rival: Rival) {
+        let measure = ComparisonMeasure::of(objective, &self.fit);
+        let costs = measure.criterion(&rival.fit) - measure.criterion(&self.fit);
+        let confirms = |now: f64| {
+            held_out_squares(objective, &rival.fit.u).is_some_and(|squares| squares <= (1.0 + HELD_OUT_FALL) * now)
+        };
+        let inside = objective.candidates()[self.chosen[index].candidate].nested.contains(&rival.candidate);
+        let will_do = costs <= TIE || inside && !earns_its_parameters(objective, &self.fit, &rival.fit);
+        if will_do && self.held_out.is_none_or(confirms) {
+            self.rename(objective, index, rival, costs);
         }
     }
 
