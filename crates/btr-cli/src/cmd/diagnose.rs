@@ -86,6 +86,7 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
         println!("--max-rollouts and --max-time set how long it searches");
     }
     report.shows_noise().iter().for_each(|sentence| println!("{sentence}"));
+    report.shows_left_over().iter().for_each(|sentence| println!("{sentence}"));
     report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));
     btr_report::text::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
     for effect in &report.effects {

@@ -33,6 +33,7 @@ use refit::Rival;
 use residual_law::residual_law;
 use round::{SecondLooks, round};
 use state::DiagnosisState;
+use thresholds::{AT_MOST_WITH_LEFT_OVER, LEFT_OVER};
 use together::together;
 
 /// Share of the rollouts for effects; the rest is for a law.
@@ -112,6 +113,7 @@ fn go_on(
             cut_short = true;
             break;
         }
+        state.left_over = None;
         match found {
             // An accepted effect is finished: stopped halfway, it would be neither fitted nor judged.
             Some((rival, found)) => {
@@ -126,6 +128,7 @@ fn go_on(
                 }
                 None if state.replace_by_unconfirmed(objective, on_step) => (),
                 None => {
+                    state.left_over = state.rounds.last().and_then(|ranked| ranked.first().cloned());
                     cut_short = second_looks.refused || objective.is_stopped();
                     break;
                 }
@@ -202,6 +205,7 @@ fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<Dia
         rivals: Vec::new(),
         rounds: Vec::new(),
         unconfirmed: None,
+        left_over: None,
         integrator: fit.renew_step_error(objective),
         unexplained_at_first: 0.0,
     };
@@ -235,6 +239,12 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
         Some(last) => evidence::weigh(last, state.unexplained_at_first, roughly, &mut state.chosen),
         None => Verdict::Unexplained,
     };
+    let explains = matches!(verdict, Verdict::EffectMissing | Verdict::ValueWrong);
+    let left_over = state.left_over.take().filter(|ranked| explains && ranked.delta_bic > LEFT_OVER);
+    if left_over.is_some() {
+        let bound = |found: &mut MissingEffect| found.probability = found.probability.min(AT_MOST_WITH_LEFT_OVER);
+        state.chosen.iter_mut().for_each(bound);
+    }
     let intervals = if last <= NOISE { Intervals::Given } else { Intervals::Withheld };
     if intervals == Intervals::Given {
         state.settle(objective);
@@ -257,6 +267,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
         all.iter().filter(|(parameter, e)| free.contains(parameter) && e.at_bound).map(|(_, e)| e.name.clone());
     Diagnosis {
         verdict,
+        left_over,
         unexplained_share: (1.0 - last.powi(-2)).max(0.0),
         integrator_error,
         at_bound: at_bound.collect(),

@@ -140,6 +140,9 @@ pub struct Diagnosis {
     pub effects: Vec<MissingEffect>,
     /// The error after each step.
     pub ladder: Vec<LadderStep>,
+    /// Where something is found that explains the error: what would still lower B for certain, but by too little to be
+    /// named.
+    pub left_over: Option<RankedCandidate>,
     /// The share of the final squared error that is not noise.
     pub unexplained_share: f64,
     /// The integrator's error in multiples of the noise floor, on the training or on the held-out logs, whichever is

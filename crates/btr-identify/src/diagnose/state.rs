@@ -31,6 +31,8 @@ pub(super) struct DiagnosisState {
     pub(super) rounds: Vec<Vec<RankedCandidate>>,
     /// What the training logs show best in the last round, if the held-out logs did not confirm it.
     pub(super) unconfirmed: Option<(Rival, MissingEffect)>,
+    /// What the last round ranked first, if it accepted nothing.
+    pub(super) left_over: Option<RankedCandidate>,
     /// The integrator's error, in multiples of the noise floor.
     pub(super) integrator: f64,
     /// The mean square error before the first finding, on the logs that judge it; 0 before that.

@@ -163,6 +163,10 @@ pub struct DiagnoseReport {
     pub noise_floor: Vec<NoiseFloor>,
     /// Share of the squared error that remains and is not noise.
     pub unexplained_share: f64,
+    /// Where the verdict explains the error: a candidate that would still explain more for certain, but too little to
+    /// be named. What is named may then stand in for something else.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_over: Option<RankedCandidate>,
     /// Where an error is left: channels whose noise seems to be stated too low.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub noise_stated_low: Vec<StatedLow>,
@@ -223,6 +227,16 @@ impl DiagnoseReport {
                 all.join("; ")
             )
         })
+    }
+
+    /// A message if the findings leave something for certain that is too small to be named.
+    pub fn shows_left_over(&self) -> Option<String> {
+        let left = self.left_over.as_ref()?;
+        Some(format!(
+            "a small error is left that is not noise: {} would lower the BIC by {:.0}, but explains too little to be named; \
+             what is named may stand in for something else",
+            left.name, left.delta_bic
+        ))
     }
 
     /// A message if the training logs are explained and the held-out logs are not.

@@ -68,16 +68,18 @@ fn sentence(found: &DiagnoseReport) -> String {
     let alike = if alike.is_empty() { String::new() } else { format!(" or a similar effect ({})", alike.join(", ")) };
     let share = format!("{:.0}\u{a0}% of its square is not noise", 100.0 * found.unexplained_share);
     let notes = found.shows_noise().into_iter().chain(found.shows_where_judged());
-    let where_judged: String = notes.map(|sentence| format!(" Note that {sentence}.")).collect();
+    let noted = |sentence: String| format!(" Note that {sentence}.");
+    let where_judged: String = notes.map(noted).collect();
+    let left_over = found.shows_left_over().map_or_else(String::new, noted);
     match (found.verdict, names.is_empty()) {
         (Verdict::EffectMissing, _) => {
             format!(
-                "The model lacks {names}{alike}: with it, the error on {on} falls from {before} to {last} noise floors."
+                "The model lacks {names}{alike}: with it, the error on {on} falls from {before} to {last} noise floors.{left_over}"
             )
         }
         (Verdict::ValueWrong, _) => {
             format!(
-                "A value of the model is wrong: with {names}{alike}, the error on {on} falls from {before} to {last} noise floors."
+                "A value of the model is wrong: with {names}{alike}, the error on {on} falls from {before} to {last} noise floors.{left_over}"
             )
         }
         (Verdict::PartlyExplained, _) => {
