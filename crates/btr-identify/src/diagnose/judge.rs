@@ -4,7 +4,7 @@ use super::refit::Rival;
 use super::report::{MissingEffect, RankedCandidate, RivalPoint};
 use super::state::{DiagnosisState, earns_its_parameters};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, INDISTINCT, LEARNT_FALL, TIE};
-use crate::fit::measure::{ComparisonMeasure, held_out_squares};
+use crate::fit::measure::{ComparisonMeasure, NOISE, held_out_squares};
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective};
 
@@ -69,7 +69,7 @@ pub(super) fn judge_rivals(
         state.unconfirmed = unconfirmed(objective, state, &measure, &rivals);
         return None;
     }
-    let (passing, contradicted) = contradicted_by_held_out(&measure, best, passing);
+    let (passing, contradicted) = contradicted_by_held_out(objective, &measure, best, passing);
     let best = passing.first().map_or(f64::INFINITY, |r| measure.criterion(&r.fit));
     let leader = passing.first()?;
     let inside = &candidates[leader.candidate].nested;
@@ -84,8 +84,10 @@ pub(super) fn judge_rivals(
 }
 
 /// The rivals, which pass and are sorted by B, without those that the training logs hardly tell from the first, but
-/// the held-out logs from the one that explains them best; and the candidates that are left out.
+/// the held-out logs from one that leaves only noise there; and the candidates that are left out. Where all leave more,
+/// the simplest is the best first step, and which of them the held-out logs prefer says little.
 fn contradicted_by_held_out<'a>(
+    objective: &Objective,
     measure: &ComparisonMeasure,
     best: f64,
     passing: Vec<(&'a Rival, &Option<f64>)>,
@@ -93,11 +95,13 @@ fn contradicted_by_held_out<'a>(
     let close = |r: &Rival| measure.criterion(&r.fit) - best <= DECISIVE;
     let lowest = passing.iter().filter(|(r, _)| close(r)).filter_map(|(_, squares)| **squares);
     let lowest = lowest.fold(f64::INFINITY, f64::min);
+    let is_noise = chi(lowest, objective.samples(LogSet::HeldOut)) <= NOISE;
     let contradicted = |r: &Rival, squares: &Option<f64>| {
         let squares = squares.unwrap_or(0.0);
         close(r) && measure.scaled(squares - lowest) > DECISIVE && squares > (1.0 + HELD_OUT_FALL) * lowest
     };
-    let (out, left): (Vec<_>, Vec<_>) = passing.into_iter().partition(|(r, squares)| contradicted(r, squares));
+    let (out, left): (Vec<_>, Vec<_>) =
+        passing.into_iter().partition(|(r, squares)| is_noise && contradicted(r, squares));
     (left.into_iter().map(|(r, _)| r).collect(), out.iter().map(|(r, _)| r.candidate).collect())
 }
 
