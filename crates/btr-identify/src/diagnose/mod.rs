@@ -230,6 +230,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
         state.judge_last_step(objective);
     }
     let last = state.ladder.last().map_or(f64::INFINITY, |step| step.held_out.unwrap_or(step.train));
+    let learnt = state.ladder.last().map_or(f64::INFINITY, |step| step.train);
     let integrator_error = state.fit.held_out_step_error(objective).max(state.integrator);
     let roughly = objective.description.has_contact || objective.description.is_chaotic;
     for found in &mut state.chosen {
@@ -245,7 +246,9 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
         let bound = |found: &mut MissingEffect| found.probability = found.probability.min(AT_MOST_WITH_LEFT_OVER);
         state.chosen.iter_mut().for_each(bound);
     }
-    let intervals = if last <= NOISE { Intervals::Given } else { Intervals::Withheld };
+    let leaves = matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained);
+    let left = if leaves { last.max(learnt) } else { last };
+    let intervals = if left <= NOISE { Intervals::Given } else { Intervals::Withheld };
     if intervals == Intervals::Given {
         state.settle(objective);
     }
@@ -257,7 +260,6 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
             all.iter().filter(|(parameter, _)| parameters.contains(parameter)).map(|(_, e)| e.clone()).collect();
     }
     let found = (!state.chosen.is_empty()).then_some(&state.fit);
-    let leaves = matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained);
     let law = (leaves && !stopped && objective.rollouts() < question.max_rollouts)
         .then(|| state.bare_now(objective))
         .flatten()
@@ -268,7 +270,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
     Diagnosis {
         verdict,
         left_over,
-        unexplained_share: (1.0 - last.powi(-2)).max(0.0),
+        unexplained_share: (1.0 - left.powi(-2)).max(0.0),
         integrator_error,
         at_bound: at_bound.collect(),
         rounds: state.rounds,

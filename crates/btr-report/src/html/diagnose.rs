@@ -130,8 +130,11 @@ fn what_it_is(effect: &EffectReport, found: &DiagnoseReport) -> Section {
 
 /// Why estimates have no intervals, if they have none.
 fn withheld<'a>(mut estimates: impl Iterator<Item = &'a Estimate>, found: &DiagnoseReport) -> Option<Block> {
-    let error = found.error_ladder.last().map_or(f64::NAN, |step| step.held_out.unwrap_or(step.train));
-    let error = number(error);
+    let judged = |step: &LadderStep| match step.held_out {
+        Some(held_out) if found.leaves_something() => held_out.max(step.train),
+        held_out => held_out.unwrap_or(step.train),
+    };
+    let error = number(found.error_ladder.last().map_or(f64::NAN, judged));
     estimates.any(|p| p.ci95.is_none() && !p.at_bound).then(|| {
         Block::Text(format!(
             "Intervals are withheld: at {error} noise floors the error still has structure, and any interval would be wrong."

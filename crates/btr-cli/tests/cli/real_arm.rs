@@ -1,0 +1,69 @@
+//! A diagnosis of an industrial arm without a load, where its public log is there: `BTR_DATA`, or `shared/data` beside
+//! the workspace.
+
+use crate::lab::Lab;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+const JOINTS: usize = 6;
+/// Every how many rows of the log, which has 1000 per second, are used.
+const EVERY: usize = 5;
+/// Share of the log to learn from.
+const LEARNT: f64 = 0.65;
+
+/// A Staubli TX40 whose motion is prescribed, so that torques are compared, and nothing is known but its URDF.
+const MODEL: &str = r#"name = "tx40"
+[robot]
+urdf = "URDF"
+base = "fixed"
+[actuators."*"]
+kind = "prescribed"
+sample_s = 0.005
+[simulation]
+control_s = 0.005
+steps_per_control = 1
+"#;
+
+/// Each joint has friction and a rotor, and two wrist motors are coupled, which no effect describes. Nothing is carried:
+/// no payload may stand in for that, no inertia beyond reason, and no cogging whose order is no number of poles.
+#[test]
+fn what_an_unloaded_arm_lacks_is_no_payload() {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let data = std::env::var_os("BTR_DATA").map_or_else(beside, PathBuf::from).join("staubli_tx40");
+    if !data.is_dir() {
+        println!("skipped: data not there ({})", data.display());
+        return;
+    }
+    let lab = Lab::new();
+    lab.write("tx40.toml", &MODEL.replace("URDF", &data.join("tx40_mdh_modified.urdf").display().to_string()));
+    let recorded = std::fs::read_to_string(data.join("episodes/joint_side_1kHz.csv")).unwrap();
+    let rows: Vec<&str> = recorded.lines().skip(1).step_by(EVERY).collect();
+    let (learnt, held_out) = rows.split_at((LEARNT * rows.len() as f64) as usize);
+    lab.write("learnt.csv", &log(learnt));
+    lab.write("held_out.csv", &log(held_out));
+    let answer = lab.json("diagnose tx40.toml learnt.csv --held-out held_out.csv -q");
+    assert_eq!(answer["verdict"], "partly_explained", "{answer}");
+    let ladder = answer["error_ladder"].as_array().unwrap();
+    let held_out = |step: usize| ladder[step]["held_out"].as_f64().unwrap();
+    assert!(held_out(ladder.len() - 1) < 0.5 * held_out(0), "{answer}");
+    for effect in answer["effects"].as_array().unwrap() {
+        assert!(effect["effect"].as_str().unwrap().contains("friction"), "{answer}");
+        assert!(effect["probability"].as_f64().unwrap() <= 0.95, "{answer}");
+        assert!(effect["parameters"].as_array().unwrap().iter().all(|p| p["ci95"].is_null()), "{answer}");
+    }
+    assert!(answer["wrong_values"].as_array().unwrap().is_empty(), "{answer}");
+}
+
+/// Rows of the data set, which has the same columns, as a log of btr's that begins at 0 s.
+fn log(rows: &[&str]) -> String {
+    let mut text = "t".to_owned();
+    for channel in ["q", "tau"] {
+        (1..=JOINTS).for_each(|joint| write!(text, ",{channel}_joint_{joint}").unwrap());
+    }
+    let parts = |row: &&str| row.split_once(',').map(|(t, rest)| (t.parse::<f64>().unwrap(), rest.to_owned())).unwrap();
+    let began = parts(&rows[0]).0;
+    for (t, rest) in rows.iter().map(parts) {
+        write!(text, "\n{:.3},{rest}", t - began).unwrap();
+    }
+    text + "\n"
+}
