@@ -130,6 +130,22 @@ fn creeping_friction_is_dry_friction_that_creeps() {
     }
 }
 
+/// Where nothing creeps, Stribeck's friction fits best as Coulomb's; with its creep, it is found.
+#[test]
+fn stribeck_friction_that_creeps_is_found_with_its_creep() {
+    let stribeck = effect("stribeck_friction", "elbow", &[0.15, 0.35, 0.3]);
+    let (problem, diagnosis) = diagnosed(desk_arm(), vec![stribeck, effect("friction_creep", "elbow", &[0.3, 0.0095])]);
+    let mut names = names(&problem, &diagnosis);
+    names.sort_unstable();
+    let ladder: Vec<_> = diagnosis.ladder.iter().map(|step| (&step.step, step.train)).collect();
+    assert_eq!(names, ["friction_creep@elbow", "stribeck_friction@elbow"], "{ladder:?}");
+    assert_eq!(diagnosis.verdict, Verdict::EffectMissing);
+    for (name, truth) in [("coulomb", 0.15), ("static", 0.35), ("velocity", 0.3)] {
+        let value = estimate(&diagnosis, &format!("stribeck_friction.{name}@elbow"));
+        assert!((value / truth - 1.0).abs() < 0.1, "{name}: {value}");
+    }
+}
+
 /// Contacts that bend before they slide need no creep.
 #[test]
 fn presliding_stays_presliding() {

@@ -1,0 +1,6 @@
+//! The diagnosis of synthetic models, each with one difficulty of real ones.
+#![allow(clippy::unwrap_used)]
+
+mod findings;
+mod rivals;
+mod synthetic;

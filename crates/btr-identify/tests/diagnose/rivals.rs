@@ -1,0 +1,186 @@
+//! Which of several explanations is named, and how certain it is.
+
+use crate::synthetic::{SyntheticModel, names, swing};
+use btr_identify::diagnose::{Diagnosis, Verdict};
+use btr_identify::residual_model::Needs;
+
+/// Beside a large error of another cause, two laws are alike; without it, one of them is right.
+#[test]
+fn what_was_alike_is_compared_again_once_the_rest_is_known() {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        let part = |rate: f64| swing(rate, log, t);
+        u[0] * part(3.0) + u[1] * part(5.0) + u[2] * (part(5.0) + 0.05 * part(7.0)) + u[3] * part(11.0)
+    };
+    let model = SyntheticModel::new(&["simple", "right", "other"], &[0.4, 0.0, 20.0, 15.0], motion);
+    let diagnosis = model.diagnosis();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["right", "other"]));
+    let steps: Vec<&str> = diagnosis.ladder.iter().map(|step| step.step.as_str()).collect();
+    assert!(steps.contains(&"right@here for simple@here"), "{steps:?}");
+}
+
+/// Friction, its creep, which does nothing without it, and an effect that comes closer than friction alone.
+fn friction_that_creeps(truth: &[f64]) -> SyntheticModel {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        let (friction, creep, look_alike) = (u[1], u[2], u[3]);
+        let part = |rate: f64| swing(rate, log, t);
+        u[0] * part(3.0)
+            + friction * (part(5.0) + 0.3 * creep * (part(7.0) + 0.5 * part(11.0)))
+            + look_alike * (part(5.0) + 0.3 * part(7.0))
+    };
+    let mut model = SyntheticModel::new(&["friction", "creep", "look_alike"], truth, motion);
+    model.candidates[1].needs = Needs::OneOf(vec![0]);
+    model.candidates[2].similar = vec![0];
+    model
+}
+
+#[test]
+fn an_effect_with_its_companion_takes_the_place_of_a_look_alike() {
+    let diagnosis = friction_that_creeps(&[0.4, 9.0, 1.0, 0.0]).diagnosis();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["friction", "creep"]));
+    let steps: Vec<&str> = diagnosis.ladder.iter().map(|step| step.step.as_str()).collect();
+    assert!(steps.contains(&"friction@here + creep@here for look_alike@here"), "{steps:?}");
+}
+
+#[test]
+fn a_companion_is_no_cause_of_its_own() {
+    let rigid = friction_that_creeps(&[0.4, 9.0, 0.0, 0.0]).diagnosis();
+    assert_eq!((rigid.verdict, names(&rigid)), (Verdict::EffectMissing, vec!["friction"]));
+    let other = friction_that_creeps(&[0.4, 0.0, 1.0, 9.0]).diagnosis();
+    assert_eq!((other.verdict, names(&other)), (Verdict::EffectMissing, vec!["look_alike"]));
+    let ranked = other.rounds.iter().flatten();
+    assert!(ranked.into_iter().all(|candidate| candidate.name != "creep@here"));
+}
+
+#[test]
+fn of_equivalent_effects_the_first_of_the_library_is_named() {
+    // The first effect has a phase error too small to detect, so that the second fits slightly better.
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        u[0] * swing(3.0, log, t) + 4.0 * u[1] * swing(5.0, log, t + 0.0015) + 4.0 * u[2] * swing(5.0, log, t)
+    };
+    for truth in [[0.4, 1.5, 0.0], [0.4, 0.0, 1.5]] {
+        let diagnosis = SyntheticModel::new(&["lift", "tilt"], &truth, motion).diagnosis();
+        assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["lift"]));
+        assert_eq!(diagnosis.effects[0].alike, ["tilt@here"]);
+    }
+}
+
+/// A law, and a larger one that has another term of this size.
+fn with_a_larger_law(term: f64) -> Diagnosis {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        u[0] * swing(3.0, log, t) + 4.0 * (u[1] + u[2]) * swing(5.0, log, t) + u[3] * swing(11.0, log, t)
+    };
+    let mut model = SyntheticModel::new(&["plain", "larger", "term"], &[0.4, 0.0, 1.5, term], motion);
+    model.candidates.truncate(2);
+    model.candidates[1].amplitudes.push(3);
+    (model.candidates[0].similar, model.candidates[1].similar) = (vec![1], vec![0]);
+    model.candidates[1].nested = vec![0];
+    model.diagnosis()
+}
+
+#[test]
+fn a_larger_law_must_earn_its_parameters() {
+    let diagnosis = with_a_larger_law(0.25);
+    let found = &diagnosis.effects[0];
+    let first = &diagnosis.rounds[0];
+    assert!(first[0].name == "larger@here" && first[0].delta_bic - first[1].delta_bic > 10.0, "{first:?}");
+    assert_eq!((names(&diagnosis), &*found.alike), (vec!["plain"], &["larger@here".to_owned()][..]));
+    assert!(found.probability > 0.99, "{}", found.probability);
+    assert_eq!(names(&with_a_larger_law(0.7)), ["larger"]);
+}
+
+/// Two simulators of one model differ by more than this: many samples do not make it evidence.
+#[test]
+fn names_that_explain_logs_equally_are_alike_however_many_samples_there_are() {
+    let ask = |unlike: f64| {
+        let motion = move |u: &[f64], _: usize, t: f64, _: f64| {
+            u[0] * t.sin() + u[1] * (3.0 * t).sin() + u[2] * ((3.0 * t).sin() + unlike * (7.0 * t).sin())
+        };
+        SyntheticModel::with_logs_of(20_000, &["a", "b"], &[0.5, 1.0, 0.0], motion).diagnosis()
+    };
+    // The wrong one leaves 0.15 % of the squared error more: 60 in B.
+    let equal = ask(0.055);
+    assert_eq!(
+        (equal.effects[0].effect.as_str(), equal.effects[0].alike.as_slice()),
+        ("a", ["b@here".to_owned()].as_slice())
+    );
+    assert!((0.5..0.9).contains(&equal.effects[0].probability), "{}", equal.effects[0].probability);
+    let told_apart = ask(0.2);
+    assert!(told_apart.effects[0].alike.is_empty() && told_apart.effects[0].probability > 0.99);
+}
+
+/// The training logs hardly tell two effects apart; in the held-out log, the first one does something else.
+#[test]
+fn held_out_logs_decide_where_the_training_logs_do_not() {
+    let ask = |differs: f64| {
+        let motion = move |u: &[f64], log: usize, t: f64, _: f64| {
+            let other = if log == 2 { differs * swing(11.0, log, t) } else { 0.0 };
+            u[0] * swing(3.0, log, t) + u[1] * (swing(5.0, log, t) + other) + u[2] * swing(5.0, log, t)
+        };
+        SyntheticModel::new(&["first", "second"], &[0.4, 0.0, 9.0], motion).diagnosis()
+    };
+    let told = ask(0.5);
+    assert_eq!((told.verdict, names(&told)), (Verdict::EffectMissing, vec!["second"]));
+    assert!(told.effects[0].alike.is_empty() && told.effects[0].probability > 0.99, "{:?}", told.effects);
+    let alike = ask(0.0);
+    assert_eq!((names(&alike), alike.effects[0].alike.as_slice()), (vec!["first"], &["second@here".to_owned()][..]));
+}
+
+/// The first effect explains most of two others together, one of which shows in the training logs alone.
+#[test]
+fn what_only_training_logs_show_replaces_a_similar_effect() {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        let part = |rate: f64| swing(rate, log, t);
+        let unseen = |amplitude: f64| if log == 2 { 0.0 } else { amplitude };
+        let mixture = unseen(1.0) * part(5.0) + 0.4 * part(7.0) + unseen(0.3) * part(11.0);
+        u[0] * part(3.0) + u[1] * mixture + u[2] * unseen(1.0) * part(5.0) + u[3] * part(7.0)
+    };
+    let mut model = SyntheticModel::new(&["mixture", "part", "other"], &[0.4, 0.0, 10.0, 6.0], motion);
+    (model.candidates[0].similar, model.candidates[1].similar) = (vec![1], vec![0]);
+    let diagnosis = model.diagnosis();
+    let steps: Vec<&str> = diagnosis.ladder.iter().map(|step| step.step.as_str()).collect();
+    assert!(steps.contains(&"part@here for mixture@here"), "{steps:?}");
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["part", "other"]));
+    // Where the two are not similar, nothing is replaced by what the held-out log does not confirm.
+    model.candidates.iter_mut().for_each(|candidate| candidate.similar.clear());
+    assert_ne!(names(&model.diagnosis()), ["part", "other"]);
+}
+
+/// What is left is certain, and too small to be named: what is named may stand in for something else.
+#[test]
+fn no_name_is_certain_that_leaves_something_for_certain() {
+    let ask = |left: f64| {
+        let motion = move |u: &[f64], log: usize, t: f64, _: f64| {
+            u[0] * swing(3.0, log, t) + u[1] * swing(5.0, log, t) + u[2] * swing(11.0, log, t)
+        };
+        SyntheticModel::with_logs_of(4_000, &["large", "small"], &[0.4, 9.0, left], motion).diagnosis()
+    };
+    let stands_in = ask(0.27);
+    assert_eq!((stands_in.verdict, names(&stands_in)), (Verdict::EffectMissing, vec!["large"]));
+    let left_over = stands_in.left_over.as_ref().unwrap();
+    assert!(left_over.name == "small@here" && left_over.delta_bic > 100.0, "{left_over:?}");
+    assert!(stands_in.effects[0].probability <= 0.9);
+    let alone = ask(0.0);
+    assert!(alone.left_over.is_none() && alone.effects[0].probability > 0.99, "{:?}", alone.left_over);
+}
+
+/// Where nothing creeps, the larger law is the smaller one, and what creeps is its further term.
+#[test]
+fn a_larger_law_is_found_together_with_its_companion() {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        let part = |rate: f64| swing(rate, log, t);
+        let creep = 1.0 - (-u[4]).exp();
+        u[0] * part(3.0)
+            + (u[1] + u[2]) * part(5.0)
+            + u[3] * creep * part(7.0)
+            + 0.2 * creep * (u[1] + u[2] - u[3]) * part(11.0)
+    };
+    let mut model = SyntheticModel::new(&["plain", "larger", "term", "creep"], &[0.4, 0.0, 9.0, 9.0, 2.0], motion);
+    model.candidates.remove(2);
+    model.candidates[1].amplitudes.push(3);
+    (model.candidates[0].similar, model.candidates[1].similar) = (vec![1], vec![0]);
+    model.candidates[1].nested = vec![0];
+    model.candidates[2].needs = Needs::OneOf(vec![0, 1]);
+    let diagnosis = model.diagnosis();
+    let steps: Vec<&str> = diagnosis.ladder.iter().map(|step| step.step.as_str()).collect();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["larger", "creep"]), "{steps:?}");
+}
