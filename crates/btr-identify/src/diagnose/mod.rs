@@ -246,6 +246,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
         let bound = |found: &mut MissingEffect| found.probability = found.probability.min(AT_MOST_WITH_LEFT_OVER);
         state.chosen.iter_mut().for_each(bound);
     }
+    state.declare_larger_laws(objective, left_over.as_ref());
     let leaves = matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained);
     let left = if leaves { last.max(learnt) } else { last };
     let intervals = if left <= NOISE { Intervals::Given } else { Intervals::Withheld };

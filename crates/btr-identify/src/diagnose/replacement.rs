@@ -1,6 +1,7 @@
 //! How findings are replaced: by a simpler effect that will do, or by one that could not be told from them before.
 
 use super::refit::{CLOSE, Rival, race};
+use super::report::RankedCandidate;
 use super::screen::{StartPoint, screen, with};
 use super::state::{DiagnosisState, earns_its_parameters};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
@@ -218,6 +219,19 @@ impl DiagnosisState {
             self.chosen[index].alike.clear();
         }
         better
+    }
+
+    /// Declares a finding and a larger law that contains it alike, if that would still explain something for certain:
+    /// then the logs show too little of the difference to decide.
+    pub(super) fn declare_larger_laws(&mut self, objective: &Objective, left_over: Option<&RankedCandidate>) {
+        let candidates = objective.candidates();
+        let larger = candidates.iter().find(|candidate| left_over.is_some_and(|left| left.name == candidate.name()));
+        let Some(larger) = larger else { return };
+        for found in self.chosen.iter_mut().filter(|found| larger.nested.contains(&found.candidate)) {
+            if !found.alike.contains(&larger.name()) {
+                found.alike.push(larger.name());
+            }
+        }
     }
 
     fn rename(&mut self, objective: &Objective, index: usize, rival: Rival, costs: f64) {

@@ -195,8 +195,8 @@ fn from_the_whole(objective: &Objective, state: &DiagnosisState, offered: &[usiz
 }
 
 /// Candidates to try again with the free parameters where the leader has moved them: similar ones that were not fitted,
-/// so that no effect is called certain that a similar one explains as well; similar ones with fewer parameters, whose
-/// search may only have failed to reach that point; and all that were `screened`.
+/// so that no effect is called certain that a similar one explains as well, unless so much is left that none is; similar
+/// ones with fewer parameters, whose search may only have failed to reach that point; and all that were `screened`.
 fn to_be_tried_again(
     objective: &Objective,
     leader: &Rival,
@@ -204,10 +204,11 @@ fn to_be_tried_again(
     screened: &[StartPoint],
     offered: &[usize],
 ) -> Vec<usize> {
+    let near = chi(leader.fit.squares(), objective.samples(LogSet::Learn)) <= RUN_OFF;
     let similar = |candidate: &usize| {
         let fitted = rivals.iter().any(|rival| rival.candidate == *candidate);
         let is_similar = objective.candidates()[leader.candidate].similar.contains(candidate);
-        (is_similar && !fitted) || is_simpler(objective, leader.candidate, *candidate)
+        (near && is_similar && !fitted) || is_simpler(objective, leader.candidate, *candidate)
     };
     let was_screened = |candidate: &usize| screened.iter().any(|start| start.candidate == *candidate);
     offered.iter().copied().filter(|candidate| similar(candidate) || was_screened(candidate)).collect()

@@ -16,6 +16,8 @@ const PERTURBATION: (f64, f64) = (0.15, 0.5);
 /// ... and how often at most, while the cost falls below this share each time.
 const PERTURBATIONS: usize = 3;
 const LOWER: f64 = 0.99;
+/// An effect without which, all else unchanged, the sum of squares rises by no more than this share is as good as off.
+const IDLE: f64 = 0.001;
 
 /// The base of a round and the effects found so far.
 #[derive(Clone)]
@@ -122,7 +124,8 @@ impl DiagnosisState {
         }
     }
 
-    /// Drops earlier effects that the latest one has made superfluous.
+    /// Drops earlier effects that the latest one has made superfluous; and the latest, if it is as good as off: what it
+    /// seemed to explain may have been a better fit of the others.
     pub(super) fn eliminate(&mut self, objective: &Objective) {
         let mut index = 0;
         while self.chosen.len() > 1 && index + 1 < self.chosen.len() {
@@ -138,14 +141,24 @@ impl DiagnosisState {
             });
             match needless {
                 Some(fit) => {
-                    self.fit = fit;
-                    self.held_out = held_out_squares(objective, &self.fit.u);
-                    let gone = self.chosen.remove(index);
-                    self.ladder.push(self.step(objective, format!("- {}@{}", gone.effect, gone.site)));
+                    self.drop_with(objective, index, fit);
                 }
                 None => index += 1,
             }
         }
+        let latest = self.chosen.len().saturating_sub(1);
+        let off = if latest > 0 { self.less(objective, &[latest]) } else { None };
+        if let Some(fit) = off.filter(|off| off.squares() <= (1.0 + IDLE) * self.fit.squares()) {
+            self.drop_with(objective, latest, fit);
+        }
+    }
+
+    /// Drops a finding; `fit` is the fit without it.
+    fn drop_with(&mut self, objective: &Objective, index: usize, fit: FitPoint) {
+        self.fit = fit;
+        self.held_out = held_out_squares(objective, &self.fit.u).filter(|_| self.held_out.is_some());
+        let gone = self.chosen.remove(index);
+        self.ladder.push(self.step(objective, format!("- {}@{}", gone.effect, gone.site)));
     }
 
     /// Whether an instance after this one is among the findings.

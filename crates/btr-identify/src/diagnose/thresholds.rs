@@ -28,7 +28,7 @@ pub const STABLE: f64 = 0.5;
 pub const AT_MOST: f64 = 0.95;
 /// Where all but noise is explained, nothing lowers B by more than about 10 any more. By how much a candidate that
 /// explains too little to be named must lower it for that to be in doubt...
-pub const LEFT_OVER: f64 = 50.0;
+pub const LEFT_OVER: f64 = 25.0;
 /// ... and the largest probability of a finding then: small differences between simulators show like that as well as
 /// what a stand-in for an unknown effect leaves.
 pub const AT_MOST_WITH_LEFT_OVER: f64 = 0.9;

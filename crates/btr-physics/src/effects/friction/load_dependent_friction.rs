@@ -17,7 +17,7 @@ static SPEC: EffectSpec = EffectSpec {
     symptom: "dry friction that grows with the torque: small where the joint hangs, large where it lifts",
     params: &[Param::new("ratio", "1", (0.0, 0.95), 0.15)],
     starts: &[],
-    similar: &["coulomb_friction"],
+    similar: &["coulomb_friction", "stribeck_friction", "asymmetric_friction"],
     nested: &[],
 };
 
