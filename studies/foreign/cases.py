@@ -11,7 +11,7 @@ import numpy as np
 
 from . import sizes
 from .commands import KINDS, episode
-from .plant import Hidden, Numerics, softness
+from .plant import APART, ROTOR, Hidden, Numerics, softness
 from .robots import Axis, Random, Robot, Told, Vector, between, generate, known_rotors, loads, scaled, sign
 from .simulation import Episode, Sensors, record, simulate, true_readings
 
@@ -98,6 +98,8 @@ def build(seed: int, integrator: str = "", shows: tuple[float, float] | None = N
         for number, effect in enumerate(effects):
             hide(case, effect, usual, number, hiding, shows)
         case.hidden.sort(key=lambda h: h.name)
+        for h in case.hidden:
+            know_rotor_apart(case, h)
         # A rotor that is hidden is none that the model knows.
         case.told.effects = known_rotors(case.robot)
     case.numerics, case.own_error = honest(case, by_name(integrator, tick_s) if integrator else NUMERICS)
@@ -316,6 +318,16 @@ def hide(
     assert best is not None
     case.difference.append(round(best[1], 2))
     case.hidden.append(best[2])
+
+
+def know_rotor_apart(case: Case, hidden: Hidden) -> None:
+    """Where a rotor is apart from its link, the plant gives it an inertia: the model knows that as well, or two things
+    would be hidden."""
+    if hidden.effect not in APART or any(h.name == f"armature@{hidden.site}" for h in case.hidden):
+        return
+    joint = case.robot.at(hidden.site)
+    axis = case.robot.axes[joint]
+    axis.armature = axis.armature or ROTOR * case.carried[joint]
 
 
 def honest(case: Case, choices: tuple[Numerics, ...]) -> tuple[Numerics, float]:

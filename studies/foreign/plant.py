@@ -17,6 +17,8 @@ from .robots import GRAVITY, Robot, Vector, number, rotation, skeleton, text
 
 # Rotor of a joint of which none is known, as a share of the inertia that the joint carries: rotor and link are apart.
 ROTOR = 0.02
+# Effects that put something between the rotor and the link.
+APART = ("backlash", "joint_elasticity")
 
 
 @dataclass
@@ -59,7 +61,7 @@ def plant(robot: Robot, hidden: list[Hidden], numerics: Numerics, carried: Vecto
         assert joint is not None
         change_inertia(body, axis.link, here)
         change_hinge(joint, axis.joint, here)
-        for apart in ("backlash", "joint_elasticity"):
+        for apart in APART:
             if (apart, axis.joint) in here:
                 split(body, joint, i, here[apart, axis.joint], carried[i])
         position = {"name": axis.joint, "joint": axis.joint, "kp": number(axis.kp), "kv": number(axis.kd)}
