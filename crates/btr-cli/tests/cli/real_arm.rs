@@ -24,7 +24,7 @@ control_s = 0.005
 steps_per_control = 1
 "#;
 
-/// Each joint has friction and a rotor, and two wrist motors are coupled, which no effect describes. Nothing is carried:
+/// Each joint has friction and a rotor, and two wrist motors are coupled, which no effect describes. Nothing is held:
 /// no payload may stand in for that, no inertia beyond reason, and no cogging whose order is no number of poles.
 #[test]
 fn what_an_unloaded_arm_lacks_is_no_payload() {

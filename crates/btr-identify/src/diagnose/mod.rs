@@ -8,7 +8,6 @@
 mod companion;
 mod evidence;
 mod judge;
-mod pair;
 mod refit;
 mod replacement;
 mod report;
@@ -27,8 +26,7 @@ use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, NOISE};
 use crate::fit::{FitPoint, Intervals, Objective, RESTARTS, SearchBudget, estimates};
 use btr_core::world::{Cancelled, WorldError};
-use companion::{companion, is_near};
-use pair::{exchange, exchange_for_larger};
+use companion::{companion, exchange, exchange_for_larger, is_near};
 use refit::Rival;
 use residual_law::residual_law;
 use round::{SecondLooks, round};

@@ -143,8 +143,8 @@ pub struct Diagnosis {
     /// Where something is found that explains the error: what would still lower B for certain, but by too little to be
     /// named.
     pub left_over: Option<RankedCandidate>,
-    /// The share of the final squared error that is not noise: of held-out logs, if there are any, or, where an error is
-    /// left, of the training logs if theirs is larger.
+    /// The share of the final squared error that is not noise: of held-out logs, if there are any, or, where an error
+    /// is left, of the training logs if theirs is larger.
     pub unexplained_share: f64,
     /// The integrator's error in multiples of the noise floor, on the training or on the held-out logs, whichever is
     /// larger.

@@ -195,8 +195,9 @@ fn from_the_whole(objective: &Objective, state: &DiagnosisState, offered: &[usiz
 }
 
 /// Candidates to try again with the free parameters where the leader has moved them: similar ones that were not fitted,
-/// so that no effect is called certain that a similar one explains as well, unless so much is left that none is; similar
-/// ones with fewer parameters, whose search may only have failed to reach that point; and all that were `screened`.
+/// so that no effect is called certain that a similar one explains as well, unless so much is left that none is;
+/// similar ones with fewer parameters, whose search may only have failed to reach that point; and all that were
+/// `screened`.
 fn to_be_tried_again(
     objective: &Objective,
     leader: &Rival,

@@ -26,8 +26,8 @@ pub const IN_MOST_LOGS: f64 = 0.8;
 pub const STABLE: f64 = 0.5;
 /// Largest probability of a finding while an error is left.
 pub const AT_MOST: f64 = 0.95;
-/// Where all but noise is explained, nothing lowers B by more than about 10 any more. By how much a candidate that
-/// explains too little to be named must lower it for that to be in doubt...
+/// Where all but noise is explained, nothing lowers B by more than about 10 any more. A candidate that explains too
+/// little to be named and lowers it by more than this shows that something is left...
 pub const LEFT_OVER: f64 = 25.0;
 /// ... and the largest probability of a finding then: small differences between simulators show like that as well as
 /// what a stand-in for an unknown effect leaves.

@@ -3,6 +3,8 @@
 //! as soon as well: where there is one there are often several, and a round of all candidates for each of them would
 //! take most of the rollouts.
 
+mod pair;
+
 use super::judge::judge_rivals;
 use super::refit::{Rival, race};
 use super::report::MissingEffect;
@@ -11,6 +13,7 @@ use super::state::DiagnosisState;
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective};
 use crate::residual_model::Needs;
+pub(super) use pair::{exchange, exchange_for_larger};
 
 /// A companion that leaves more than noise and this share of the sum of squares has to compete with all candidates.
 const MODEST: f64 = 0.5;
@@ -47,7 +50,7 @@ pub(super) fn companion(objective: &Objective, state: &mut DiagnosisState) -> Op
 }
 
 /// The fits with each of some candidates.
-pub(super) fn with_each(objective: &Objective, base: &FitPoint, candidates: &[usize]) -> Vec<Rival> {
+fn with_each(objective: &Objective, base: &FitPoint, candidates: &[usize]) -> Vec<Rival> {
     if candidates.is_empty() {
         return Vec::new();
     }

@@ -1,13 +1,13 @@
 //! Pairs: an effect with a companion in the place of a finding that comes closer by itself than either of them.
 
-use super::companion::{is_near, with_each};
-use super::evidence::LogErrors;
-use super::refit::{FOLLOWER, Rival};
-use super::report::{Evidence, MissingEffect};
-use super::screen::{StartPoint, simulate_worst, with};
-use super::state::DiagnosisState;
-use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL};
+use super::{is_near, with_each};
 use crate::LadderStep;
+use crate::diagnose::evidence::LogErrors;
+use crate::diagnose::refit::{FOLLOWER, Rival};
+use crate::diagnose::report::{Evidence, MissingEffect};
+use crate::diagnose::screen::{StartPoint, simulate_worst, with};
+use crate::diagnose::state::DiagnosisState;
+use crate::diagnose::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL};
 use crate::fit::measure::{ComparisonMeasure, NOISE, held_out_squares};
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
@@ -30,7 +30,7 @@ struct Pair {
 }
 
 /// Replaces findings by a similar effect with its companion where the two together explain decisively more.
-pub(super) fn exchange(objective: &mut Objective, state: &mut DiagnosisState, on_step: &dyn Fn(&LadderStep)) {
+pub(crate) fn exchange(objective: &mut Objective, state: &mut DiagnosisState, on_step: &dyn Fn(&LadderStep)) {
     for index in 0..state.chosen.len() {
         if is_near(objective, state)
             && let Some(pair) = better_pair(objective, state, index)
@@ -75,7 +75,7 @@ fn is_better(objective: &Objective, state: &DiagnosisState, then: &FitPoint) -> 
 /// Replaces findings by a larger law with its companion, which may be among the findings, where an error is left.
 /// Either alone may explain nothing: Stribeck's friction becomes Coulomb's where nothing creeps, and what creeps is
 /// its static part. So they are fitted together, from the friction found so far.
-pub(super) fn exchange_for_larger(
+pub(crate) fn exchange_for_larger(
     objective: &mut Objective,
     state: &mut DiagnosisState,
     on_step: &dyn Fn(&LadderStep),
@@ -130,13 +130,14 @@ fn fitted_together(
     for &amplitude in &law.amplitudes {
         let parameter = &parameters[amplitude];
         let value = of_found(&parameter.unit);
-        points = varied(points, &SHARES, |u, share| {
+        points = varied(&points, &SHARES, |u, share| {
             u[amplitude] = parameter.clamp(parameter.coordinate(share * value));
         });
     }
-    points = varied(points, &law.starts, |u, shapes| law.shapes.iter().zip(shapes).for_each(|(&k, &u0)| u[k] = u0));
-    points = varied(points, &added.starts, |u, shapes| added.shapes.iter().zip(shapes).for_each(|(&k, &u0)| u[k] = u0));
-    let mut sized = varied(points.clone(), &SIZES, |u, size| {
+    points = varied(&points, &law.starts, |u, shapes| law.shapes.iter().zip(shapes).for_each(|(&k, &u0)| u[k] = u0));
+    points =
+        varied(&points, &added.starts, |u, shapes| added.shapes.iter().zip(shapes).for_each(|(&k, &u0)| u[k] = u0));
+    let mut sized = varied(&points, &SIZES, |u, size| {
         added.amplitudes.iter().for_each(|&k| u[k] = parameters[k].clamp(*size));
     });
     if state.is_chosen(companion) {
@@ -147,7 +148,7 @@ fn fitted_together(
     simulate_worst(objective, &base, &mut starts);
     starts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     // A shape of no effect yet makes no difference.
-    starts.dedup_by(|a, b| a.cost == b.cost);
+    starts.dedup_by_key(|start| start.cost.to_bits());
     let fitted = starts.into_iter().take(FITTED).filter_map(|start| {
         let mut fit = FitPoint::at(objective, base.active.clone(), start.u, &base.step_error).ok()?;
         fit.solve(objective, FOLLOWER);
@@ -158,7 +159,7 @@ fn fitted_together(
 }
 
 /// Each of the points with each of the values.
-fn varied<T>(points: Vec<Vec<f64>>, values: &[T], set: impl Fn(&mut Vec<f64>, &T)) -> Vec<Vec<f64>> {
+fn varied<T>(points: &[Vec<f64>], values: &[T], set: impl Fn(&mut Vec<f64>, &T)) -> Vec<Vec<f64>> {
     let with = |mut u: Vec<f64>, value| {
         set(&mut u, value);
         u
