@@ -38,7 +38,8 @@ def test_a_diagnosis_is_typed(arm: btr.Model) -> None:
     assert (
         found.effects[0].site == found["effects"][0]["site"] == "yaw" and found.effects[0].parameters[0].unit == "N·m"
     )
-    assert found.residual_law is None and found.noise_stated_low == [] and "residual_law" not in found.document
+    assert found.residual_law is None and found.left_over is None and "left_over" not in found.document
+    assert found.noise_stated_low == [] and "residual_law" not in found.document
 
 
 POSTERIOR = {"coevolve.distance": "whitened", "coevolve.posterior.resolution": 0.02}
