@@ -125,7 +125,7 @@ def draw(outcomes: list[Outcome], file: Path) -> None:
             f'<rect x="{at - 18:.1f}" y="{y(mean) - 1.5:.1f}" width="36" height="3" fill="{ORANGE}"/>',
             f'<line x1="{at:.1f}" x2="{at:.1f}" y1="{y(least):.1f}" y2="{y(most):.1f}" stroke="{BLUE}"/>',
             f'<circle cx="{at:.1f}" cy="{y(right / names):.1f}" r="6" fill="{BLUE}"/>',
-            f'<text x="{at:.1f}" y="{TOP + HEIGHT + 20}" text-anchor="middle">{low:g} to {high:g}</text>',
+            f'<text x="{at:.1f}" y="{TOP + HEIGHT + 20}" text-anchor="middle">{low:g}–{high:g}</text>',
             f'<text x="{at:.1f}" y="{TOP + HEIGHT + 38}" text-anchor="middle" fill="{BLUE}">{right} of {names}</text>',
         ]
     below = TOP + HEIGHT + 62
