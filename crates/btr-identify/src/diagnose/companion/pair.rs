@@ -108,7 +108,7 @@ fn larger_pair(objective: &Objective, state: &DiagnosisState, index: usize) -> O
 }
 
 /// An effect in the place of a finding together with a companion, fitted from where both explain most of several
-/// points: the effect's amplitudes as large as the finding's of the same unit, or one of them larger.
+/// points: each of the effect's amplitudes about as large as the finding's of the same unit, or twice as large.
 fn fitted_together(
     objective: &Objective,
     state: &DiagnosisState,
@@ -147,7 +147,7 @@ fn fitted_together(
     let mut starts: Vec<StartPoint> = sized.into_iter().map(start).collect();
     simulate_worst(objective, &base, &mut starts);
     starts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    // A shape of no effect yet makes no difference.
+    // Points that differ in a shape that does nothing yet cost the same: one of them is enough.
     starts.dedup_by_key(|start| start.cost.to_bits());
     let fitted = starts.into_iter().take(FITTED).filter_map(|start| {
         let mut fit = FitPoint::at(objective, base.active.clone(), start.u, &base.step_error).ok()?;
