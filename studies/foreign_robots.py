@@ -38,6 +38,7 @@ from pathlib import Path
 
 from asking import BTR
 from foreign.cases import build, plan, write
+from foreign.glitches import damage
 from foreign.score import Btr, Outcome, judge
 from foreign.sizes import CONSTANTS, EFFECTS, OUTSIDE
 from foreign.tables import draw, summary
@@ -46,7 +47,7 @@ KINDS = ("one", "two", "none", "outside", "constants")
 
 
 def one_case(
-    seed: int, btr: Btr, keep: Path | None, integrator: str, shows: tuple[float, float] | None
+    seed: int, btr: Btr, keep: Path | None, integrator: str, shows: tuple[float, float] | None, glitches: float
 ) -> Outcome:
     """A case from its seed to its score."""
     began = time.process_time()
@@ -55,6 +56,8 @@ def one_case(
         folder.mkdir(parents=True, exist_ok=True)
         case = build(seed, integrator, shows)
         files = write(case, folder)
+        for number, log in enumerate(files.learn + files.held_out if glitches > 0.0 else []):
+            damage(log, 1000 * seed + number, glitches)
         outcome = judge(btr, case, files, time.process_time() - began)
         (folder / "outcome.json").write_text(json.dumps(dataclasses.asdict(outcome), indent=1))
     return outcome
@@ -92,6 +95,7 @@ def main() -> None:
     parser.add_argument("--timeout", type=float, default=240.0, help="seconds of the processor for a diagnosis")
     parser.add_argument("--integrator", default="", help="Euler or implicitfast: MuJoCo's own error becomes an effect")
     parser.add_argument("--shows", type=float, nargs=2, metavar=("FROM", "TO"), help="how large effects are, in floors")
+    parser.add_argument("--glitches", type=float, default=0.0, help="share of the readings that glitches replace")
     parser.add_argument("--keep", type=Path, help="where to keep models, logs and outcomes, a folder for each seed")
     parser.add_argument("--out", type=Path, help="where to write all outcomes as JSON")
     parser.add_argument("--again", type=Path, help="print the summary of such a file and stop")
@@ -106,7 +110,8 @@ def main() -> None:
         btr = Btr(args.btr, args.threads, args.timeout)
         with ProcessPoolExecutor(args.jobs) as pool:
             shows = tuple(args.shows) if args.shows else None
-            asked = {pool.submit(one_case, seed, btr, args.keep, args.integrator, shows): seed for seed in chosen}
+            settings = (btr, args.keep, args.integrator, shows, args.glitches)
+            asked = {pool.submit(one_case, seed, *settings): seed for seed in chosen}
             for done in as_completed(asked):
                 if error := done.exception():
                     print(f"not a case  {asked[done]:>5} {error!r}", flush=True)

@@ -196,6 +196,17 @@ pub(crate) struct CheckArgs {
     /// Recorded logs (MCAP or CSV)
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+}
+
+/// How logs are read.
+#[derive(ClapArgs)]
+pub(crate) struct Reading {
+    /// Keep readings that no motion explains (spikes, wrap-arounds, zeros, stuck sensors, lost messages) instead of
+    /// leaving them out
+    #[arg(long)]
+    pub(crate) keep_glitches: bool,
 }
 
 #[derive(ClapArgs)]
@@ -211,6 +222,8 @@ pub(crate) struct CompareArgs {
     /// Exit with 1 if a channel's error exceeds X noise floors
     #[arg(long, value_name = "X", allow_negative_numbers = true)]
     pub(crate) max_chi: Option<f64>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
 }
 
 #[derive(ClapArgs)]
@@ -226,6 +239,8 @@ pub(crate) struct LogArgs {
     /// Write the result and its plots into one HTML file
     #[arg(long, value_name = "HTML")]
     pub(crate) report: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
 }
 
 impl LogArgs {

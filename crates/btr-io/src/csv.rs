@@ -65,7 +65,7 @@ struct CsvColumn {
 impl CsvColumn {
     fn new(source: &str, mapping: &Mapping) -> Self {
         let mapped = mapping.meaning(source);
-        let switch = mapping.torque_on.as_ref().is_some_and(|s| s == source);
+        let switch = mapping.switch_names().any(|(_, name)| name == source);
         let mapped_name = mapped.is_some() || switch;
         let meaning = mapped.unwrap_or_else(|| Meaning::of_header(source));
         let required = mapped_name || meaning.role != Role::Truth;
@@ -147,11 +147,14 @@ fn separator(header: &StringRecord) -> Option<&'static str> {
     [(';', "semicolons"), ('\t', "tabs")].into_iter().find(|(sign, _)| only.contains(*sign)).map(|(_, what)| what)
 }
 
-/// A cell's number; NaN for a missing sample, `None` for text and for infinities (no sensor measures those).
+/// A cell's number, 1 and 0 for true and false; NaN for a missing sample, `None` for text and for infinities (no sensor
+/// measures those).
 fn number(text: &str) -> Option<f64> {
     let finite = |text: &str| text.parse().ok().filter(|x: &f64| x.is_finite());
     finite(text).or_else(|| match text.trim() {
         missing if missing.is_empty() || missing.eq_ignore_ascii_case("nan") => Some(f64::NAN),
+        yes if yes.eq_ignore_ascii_case("true") => Some(1.0),
+        no if no.eq_ignore_ascii_case("false") => Some(0.0),
         trimmed => finite(trimmed),
     })
 }

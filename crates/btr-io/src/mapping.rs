@@ -1,6 +1,7 @@
 //! The `[channels]` table of a model file: names and units of foreign logs.
 
 use super::names::{Meaning, suffix};
+use btr_core::log::Role;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
@@ -22,6 +23,15 @@ pub struct Mapping {
     /// makes it one per joint.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub torque_on: Option<String>,
+    /// A channel of 0 and 1; where it is 0, readings are left out. `{joint}` makes it one per joint.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub valid: Option<String>,
+    /// The opposite of `valid`: where it is not 0, readings are left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub suspect: Option<String>,
+    /// Whether readings that no motion explains are kept; they are left out by default.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub keep_glitches: bool,
     /// Where things are in an MCAP file.
     #[serde(skip_serializing_if = "is_default")]
     pub topics: Topics,
@@ -48,6 +58,22 @@ impl ForeignName {
         match self {
             ForeignName::Name(name) | ForeignName::Scaled { column: name, .. } => name,
         }
+    }
+}
+
+/// A 0/1 channel that lets the samples of another one pass.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Switch {
+    /// The log's name.
+    pub(crate) name: String,
+    /// The value with which they pass: 1 or 0.
+    pub(crate) passes: bool,
+}
+
+impl Switch {
+    /// Whether samples pass; a missing value counts as 0.
+    pub(crate) fn lets_pass(&self, value: f64) -> bool {
+        (value > 0.5) == self.passes
     }
 }
 
@@ -103,10 +129,25 @@ impl Mapping {
             .or_else(|| self.channels.iter().find_map(|(key, theirs)| Some((key.as_str(), by_pattern((key, theirs))?))))
     }
 
-    /// The name of the 0/1 channel that switches the given command.
-    pub(crate) fn torque_on_for(&self, command: &str) -> Option<String> {
-        let joint = command.strip_prefix("cmd_")?;
-        self.torque_on.as_ref().map(|name| name.replace("{joint}", joint))
+    /// The 0/1 channels without which samples of a channel are missing.
+    pub(crate) fn switches_of(&self, channel: &str, role: Role) -> Vec<Switch> {
+        let joint = channel.split_once('_').map_or("", |(_, joint)| joint);
+        let named = |name: &Option<String>, passes| {
+            let name = name.as_ref()?.replace("{joint}", joint);
+            Some(Switch { name, passes })
+        };
+        let all = match role {
+            Role::Command => [named(&self.torque_on, true), None],
+            Role::Measured => [named(&self.valid, true), named(&self.suspect, false)],
+            Role::Truth => [None, None],
+        };
+        all.into_iter().flatten().collect()
+    }
+
+    /// The names of 0/1 channels, by their keys.
+    pub(crate) fn switch_names(&self) -> impl Iterator<Item = (&str, &str)> {
+        let keys = [("torque_on", &self.torque_on), ("valid", &self.valid), ("suspect", &self.suspect)];
+        keys.into_iter().filter_map(|(key, name)| Some((key, name.as_deref()?)))
     }
 }
 

@@ -14,11 +14,10 @@ use std::path::Path;
 /// [`IoError::Twice`] for two foreign names of one channel.
 pub fn renamed(name: &Path, log: Log, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
     let meanings: Vec<Option<Meaning>> = log.channels().map(|(theirs, _)| foreign(theirs, &log, mapping)).collect();
-    let commands = log.channels().filter(|(_, channel)| channel.role == Role::Command);
-    let is_switched = |(command, _): (&str, &Channel)| {
-        mapping.torque_on_for(command).is_some_and(|switch| log.channel(&switch).is_some())
+    let is_switched = |(name, channel): (&str, &Channel)| {
+        mapping.switches_of(name, channel.role).iter().any(|switch| log.channel(&switch.name).is_some())
     };
-    if meanings.iter().all(Option::is_none) && !commands.into_iter().any(is_switched) {
+    if meanings.iter().all(Option::is_none) && !log.channels().any(is_switched) {
         return Ok((log, Vec::new()));
     }
     let series = log.channels().zip(meanings).map(|((source, channel), meaning)| NamedSeries {
@@ -89,6 +88,19 @@ mod tests {
     fn a_switch_is_applied_and_removed() {
         let off = under(r#"torque_on = "on_{joint}""#, log(&[("cmd_hip", 1.0), ("q_hip", 2.0), ("on_hip", 0.0)]));
         assert!(off.channel("cmd_hip").unwrap().values[0].is_nan() && off.channel("on_hip").is_none());
+    }
+
+    #[test]
+    fn readings_marked_as_invalid_are_missing() {
+        let channels = [("cmd_hip", 1.0), ("q_hip", 2.0), ("q_knee", 3.0), ("ok", 0.0), ("bad_knee", 1.0)];
+        let values = |mapping: &str| under(mapping, log(&channels));
+        let missing = |log: &Log| {
+            let gone = log.channels().filter(|(_, channel)| channel.values[0].is_nan());
+            gone.map(|(name, _)| name.to_owned()).collect::<Vec<_>>()
+        };
+        assert_eq!(missing(&values(r#"valid = "ok""#)), ["q_hip", "q_knee"]);
+        assert_eq!(missing(&values(r#"suspect = "bad_{joint}""#)), ["q_knee"]);
+        assert!(values(r#"valid = "ok""#).channel("ok").is_none());
     }
 
     #[test]

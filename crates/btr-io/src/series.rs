@@ -1,9 +1,9 @@
-//! Assembles the series of a file into a log: names, units and torque-off intervals.
+//! Assembles the series of a file into a log: names, units, torque-off intervals and readings marked as invalid.
 
 use super::error::{IoError, Warning};
-use super::mapping::Mapping;
+use super::mapping::{Mapping, Switch};
 use super::names::Meaning;
-use btr_core::log::{Log, Role};
+use btr_core::log::Log;
 use std::path::Path;
 
 /// One series of a file, under the file's own name for it.
@@ -35,14 +35,15 @@ pub(crate) fn assemble(
     let warnings = unused(mapping, &series);
     check_names(path, &series)?;
     let switches = switches(mapping, &series);
-    for (command, switch) in &switches {
-        let on = series[*switch].values.clone();
-        switch_off(&mut series[*command].values, &on);
+    for (switched, index, switch) in &switches {
+        let states = series[*index].values.clone();
+        let samples = series[*switched].values.iter_mut().zip(states);
+        samples.filter(|(_, state)| !switch.lets_pass(*state)).for_each(|(value, _)| *value = f64::NAN);
     }
     let failed = |source| IoError::Log { path: path.to_owned(), source };
     let mut log = Log::new(clock_s).map_err(failed)?;
     for (i, s) in series.into_iter().enumerate() {
-        if switches.iter().any(|(_, switch)| *switch == i) {
+        if switches.iter().any(|(_, index, _)| *index == i) {
             continue;
         }
         let Meaning { name, unit, role, factor } = s.meaning;
@@ -52,24 +53,17 @@ pub(crate) fn assemble(
     Ok((log, warnings))
 }
 
-/// Pairs of a command's index and the index of the 0/1 series that switches it.
-fn switches(mapping: &Mapping, series: &[NamedSeries]) -> Vec<(usize, usize)> {
-    let switch_of = |command: &str| {
-        let switch = mapping.torque_on_for(command)?;
-        series.iter().position(|s| s.source == switch)
+/// The switched series, the 0/1 series that switch them, and how.
+fn switches(mapping: &Mapping, series: &[NamedSeries]) -> Vec<(usize, usize, Switch)> {
+    let of = |(i, one): (usize, &NamedSeries)| {
+        let switches = mapping.switches_of(&one.meaning.name, one.meaning.role).into_iter();
+        let found = switches.filter_map(|switch| {
+            let index = series.iter().position(|other| other.source == switch.name)?;
+            Some((i, index, switch))
+        });
+        found.collect::<Vec<_>>()
     };
-    let commands = series.iter().enumerate().filter(|(_, s)| s.meaning.role == Role::Command);
-    commands.filter_map(|(i, s)| switch_of(&s.meaning.name).map(|switch| (i, switch))).collect()
-}
-
-/// Sets commands to NaN where the switch is not on.
-fn switch_off(command: &mut [f64], on: &[f64]) {
-    for (value, on) in command.iter_mut().zip(on) {
-        let driven = *on > 0.5;
-        if !driven {
-            *value = f64::NAN;
-        }
-    }
+    series.iter().enumerate().flat_map(of).collect()
 }
 
 fn check_names(path: &Path, series: &[NamedSeries]) -> Result<(), IoError> {
@@ -90,9 +84,8 @@ fn check_names(path: &Path, series: &[NamedSeries]) -> Result<(), IoError> {
 /// so a mapping without any match gives no warnings.
 fn unused(mapping: &Mapping, series: &[NamedSeries]) -> Vec<Warning> {
     let named = mapping.channels.iter().map(|(ours, theirs)| (ours.as_str(), theirs.name()));
-    let switch = mapping.torque_on.iter().filter(|name| !name.contains("{joint}"));
     let mut expected: Vec<(&str, &str)> = named.filter(|(_, theirs)| !theirs.contains("{joint}")).collect();
-    expected.extend(switch.map(|name| ("torque_on", name.as_str())));
+    expected.extend(mapping.switch_names().filter(|(_, name)| !name.contains("{joint}")));
     let has = |theirs: &str| series.iter().any(|s| s.source == theirs);
     let foreign = series.iter().any(|s| mapping.meaning(&s.source).is_some());
     if !foreign {

@@ -13,7 +13,7 @@ use btr_report::table::{Table, maybe, number};
 use btr_report::text::word;
 
 pub(crate) fn run(args: &CheckArgs, global: &Global) -> Result<u8, Failure> {
-    let source = common::source(&args.model, global)?;
+    let source = common::source_of(&args.model, &args.reading, global)?;
     let replays = experiment::replays(&source, &args.logs, &[])?;
     let report = verbs::check(replays);
     if global.json {

@@ -1,6 +1,6 @@
 //! What several verbs share: reading the model and the logs, showing the error ladder, writing files.
 
-use crate::args::Global;
+use crate::args::{Global, Reading};
 use crate::exit::INTERRUPTED;
 use btr_identify::LadderStep;
 use btr_io::{IoError, write_whole};
@@ -19,6 +19,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub(crate) fn source(model: &Path, global: &Global) -> Result<Source, Failure> {
     let mut source = Source::read(model)?;
     source.set(&global.settings)?;
+    Ok(source)
+}
+
+/// The same for a verb that reads logs.
+pub(crate) fn source_of(model: &Path, reading: &Reading, global: &Global) -> Result<Source, Failure> {
+    let mut source = source(model, global)?;
+    if reading.keep_glitches {
+        source.set(&["channels.keep_glitches=true".to_owned()])?;
+    }
     Ok(source)
 }
 

@@ -21,7 +21,7 @@ pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
     if let Some(gate) = args.max_chi.filter(|gate| !(*gate > 0.0 && gate.is_finite())) {
         return Err(Failure::usage(format!("--max-chi {gate} must be a positive number")));
     }
-    let source = common::source(&args.model, global)?;
+    let source = common::source_of(&args.model, &args.reading, global)?;
     guard(OutputKind::Report.at(args.report.as_deref()), inputs(&source, args.logs.iter().cloned()))?;
     let (replays, doubts) = common::replays(&source, &args.logs, &[], global)?;
     let outcome = verbs::compare(&source, replays).map_err(|e| Failure::input(e, &doubts))?;

@@ -20,7 +20,7 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
-    let source = common::source(&args.logs_args.model, global)?;
+    let source = common::source_of(&args.logs_args.model, &args.logs_args.reading, global)?;
     let commands = OutputKind::Log(Overwrite::Commands).at(args.next.as_deref());
     let model = OutputKind::Model.at(args.output.as_deref());
     let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(commands).chain(model);

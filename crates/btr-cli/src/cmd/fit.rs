@@ -13,7 +13,7 @@ use btr_report::html;
 use btr_report::table::{Table, number};
 
 pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
-    let source = common::source(&args.logs_args.model, global)?;
+    let source = common::source_of(&args.logs_args.model, &args.logs_args.reading, global)?;
     let model = OutputKind::Model.at(args.output.as_deref());
     let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(model);
     guard(outputs, inputs(&source, args.logs_args.all_logs()))?;

@@ -8,6 +8,7 @@ mod compare;
 mod determinism;
 mod disengage;
 mod doubts;
+mod glitches;
 mod lab;
 mod real_arm;
 mod real_servo;

@@ -2,6 +2,7 @@
 //! in them.
 
 pub mod fft;
+pub mod glitch;
 pub mod lag;
 pub mod missing;
 pub mod noise;

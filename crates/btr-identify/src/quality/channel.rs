@@ -11,8 +11,8 @@ const LISTED: usize = 3;
 /// likely filled only when a command was sent.
 const SPARSE: usize = 10;
 
-/// The statistics of a channel.
-pub(super) fn sensor(name: &str, channel: &Channel) -> SensorReport {
+/// The statistics of a channel, of which `left_out` samples were left out as glitches.
+pub(super) fn sensor(name: &str, channel: &Channel, left_out: usize) -> SensorReport {
     let present: Vec<f64> = channel.values.iter().copied().filter(|x| x.is_finite()).collect();
     let (min, max) = present.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     let at_end = |x: &&f64| **x <= min || **x >= max;
@@ -20,7 +20,7 @@ pub(super) fn sensor(name: &str, channel: &Channel) -> SensorReport {
     SensorReport {
         name: name.to_owned(),
         unit: channel.unit.clone(),
-        missing: 1.0 - present.len() as f64 / channel.values.len().max(1) as f64,
+        missing: 1.0 - (present.len() + left_out) as f64 / channel.values.len().max(1) as f64,
         min,
         max,
         noise: noise.map(|noise| noise.sigma()),

@@ -3,6 +3,7 @@
 mod channel;
 mod clock;
 mod frozen;
+mod glitches;
 mod influence;
 mod joint;
 pub mod references;
@@ -11,18 +12,21 @@ mod report;
 mod tests;
 
 pub use clock::FEWEST_SAMPLES;
+pub use glitches::{find_glitches, leave_out_glitches, leave_out_glitches_beside};
 pub use references::check_references;
-pub use report::{ClockReport, CommandResponse, Finding, Quality, SensorReport, Severity, Topic};
+pub use report::{ClockReport, CommandResponse, Finding, GlitchReport, Quality, SensorReport, Severity, Topic};
 
 use btr_core::log::{Log, Role};
 
-/// Checks a log.
-pub fn check(log: &Log) -> Quality {
+/// Checks a log; `glitches` are those of its joints' positions, whether they are still in it or left out.
+pub fn check(log: &Log, glitches: Vec<GlitchReport>) -> Quality {
     let known = || log.channels().filter(|(_, channel)| channel.role != Role::Truth);
-    let mut quality = Quality { clock: clock::of(log), sensors: Vec::new(), joints: Vec::new(), findings: Vec::new() };
+    let (sensors, joints, findings) = (Vec::new(), Vec::new(), Vec::new());
+    let mut quality = Quality { clock: clock::of(log), glitches, sensors, joints, findings };
     let mut findings = clock::findings(&quality.clock, log);
+    findings.extend(glitches::findings(&quality.glitches, log.len()));
     for (name, channel) in known() {
-        let sensor = channel::sensor(name, channel);
+        let sensor = channel::sensor(name, channel, glitches::left_out_of(&quality.glitches, name));
         findings.extend(channel::findings(&sensor, channel));
         if channel.role == Role::Command {
             findings.extend(channel::silences(log, name, &channel.values));

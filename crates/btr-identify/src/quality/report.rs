@@ -1,5 +1,6 @@
 //! What a quality check of a log finds.
 
+use btr_core::signal::glitch::GlitchKind;
 use btr_core::signal::lag::Lag;
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +26,8 @@ pub enum Topic {
     Gaps,
     /// Missing samples.
     Missing,
+    /// Readings that no motion explains.
+    Glitches,
     /// A channel that never changes.
     Dead,
     /// A channel that is at the end of its range.
@@ -64,6 +67,42 @@ impl Finding {
     /// A finding about a channel or joint.
     pub fn new(topic: Topic, severity: Severity, channel: &str, sentence: String) -> Self {
         Finding { topic, severity, channel: channel.to_owned(), sentence }
+    }
+}
+
+/// A glitch of a channel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GlitchReport {
+    /// The channel.
+    pub channel: String,
+    /// What it looks like.
+    pub kind: GlitchKind,
+    /// Its first sample.
+    pub sample: usize,
+    /// Number of samples.
+    pub samples: usize,
+    /// Time of its first sample by the log's clock, in s.
+    pub time_s: f64,
+    /// The reading that departs most, in the channel's unit.
+    pub value: f64,
+    /// What the readings around it predict for that sample, in the channel's unit.
+    pub expected: f64,
+    /// Whether all positions repeat their samples before: a message was lost.
+    pub lost_message: bool,
+    /// Whether its samples were left out.
+    pub left_out: bool,
+}
+
+impl GlitchReport {
+    /// The same in a log that begins this many samples and seconds earlier.
+    #[must_use]
+    pub fn later(self, samples: usize, seconds: f64) -> Self {
+        GlitchReport { sample: self.sample + samples, time_s: self.time_s + seconds, ..self }
+    }
+
+    /// The sample after its last one.
+    pub(super) fn end(&self) -> usize {
+        self.sample + self.samples
     }
 }
 
@@ -119,6 +158,8 @@ pub struct CommandResponse {
 pub struct Quality {
     /// The clock.
     pub clock: ClockReport,
+    /// Readings of joint positions that no motion explains, channel by channel.
+    pub glitches: Vec<GlitchReport>,
     /// Commands and sensors.
     pub sensors: Vec<SensorReport>,
     /// Joints with a command and a position.

@@ -1,6 +1,10 @@
 #![allow(clippy::unwrap_used)]
 use super::*;
 
+fn check(log: &Log) -> Quality {
+    super::check(log, find_glitches(log))
+}
+
 fn motion(t: f64) -> f64 {
     0.6 * (4.0 * t).sin() + 0.3 * (9.0 * t).sin()
 }

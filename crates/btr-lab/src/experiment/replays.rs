@@ -6,10 +6,13 @@ use super::logs::read::read;
 use super::logs::scenarios::{LogPurpose, ScenarioReader, ScenarioSet};
 use super::logs::source::{LogSource, Recordings};
 use super::source::{FileError, Source};
-use crate::log_quality::{coverage, quality};
+use crate::log_quality::{beside_model, coverage, quality};
 use btr_core::log::Log;
 use btr_identify::quality::Quality;
 use btr_physics::model::Model;
+
+/// Rounding of times, in s.
+const ROUNDED_S: f64 = 1e-9;
 
 /// A model, the logs that it replays, and the findings about them.
 pub struct Replays {
@@ -73,7 +76,7 @@ where
     let known = IndexEntries::of(&file, source)?;
     let reader = ScenarioReader { file: &file, source, robot: &robot };
     let (mut all, mut recordings) = (ScenarioSet::none(), Recordings::default());
-    let mut floor = 0.0f64;
+    let (mut floor, mut scenarios) = (0.0f64, Vec::new());
     for (k, given) in learn.iter().chain(&held_out).enumerate() {
         let (path, log) = (given.path(), read(given, &file)?);
         all.notice(path, log.warnings.iter().cloned().chain(known.misses(path)));
@@ -82,7 +85,9 @@ where
             true => (LogPurpose::Training, &mut recordings.learn),
             false => (LogPurpose::HeldOut, &mut recordings.held_out),
         };
+        let first = all.scenarios.len();
         floor = all.add(&log, purpose, &settings, &reader)?.into_iter().fold(floor, f64::max);
+        scenarios.push(first..all.scenarios.len());
         list.push(log);
     }
     let Recordings { learn, held_out } = &recordings;
@@ -94,15 +99,27 @@ where
         let help = "hold out another recording; without any, the last part of each log is held out".into();
         return Err(source.error(&[], &message, Some(help)));
     }
-    let (logs, warnings) = (all.logs.clone(), all.warnings.clone());
+    let (mut logs, warnings) = (all.logs.clone(), all.warnings.clone());
     let mut model = builder.model(all)?;
     if model.setup.noise.torque <= 0.0 {
         // A smoothed torque does not show its sensor's noise any more.
         model.setup.noise.torque = floor;
     }
-    let checked = learn.iter().chain(held_out).map(|read| CheckedLog {
-        log: read.path.display().to_string(),
-        quality: quality(&read.log, &model.robot, &model.setup.noise),
+    let beside = match file.channels.keep_glitches {
+        true => vec![Vec::new(); logs.len()],
+        false => beside_model::leave_out(&model, &mut logs),
+    };
+    let checked = learn.iter().chain(held_out).zip(scenarios).map(|(read, scenarios)| {
+        let in_file = |k: usize| {
+            let begins_s = model.scenarios[k].begins_s;
+            let first = read.log.clock_s().partition_point(|t| *t < begins_s - ROUNDED_S);
+            beside[k].iter().cloned().map(move |glitch| glitch.later(first, begins_s))
+        };
+        let glitches = read.glitches.iter().cloned().chain(scenarios.flat_map(in_file)).collect();
+        CheckedLog {
+            log: read.path.display().to_string(),
+            quality: quality(&read.log, glitches, &model.robot, &model.setup.noise),
+        }
     });
     let checked = checked.collect();
     Ok(Replays { logs, warnings, checked, model, recordings })

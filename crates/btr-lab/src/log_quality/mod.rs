@@ -1,6 +1,7 @@
 //! Quality of logs for a robot. [`usable`] has the errors that reject a log, [`robot`] the findings of `btr check`, and
 //! [`coverage`] the checks over all logs of a command.
 
+pub(crate) mod beside_model;
 pub(crate) mod coverage;
 pub(crate) mod robot;
 pub(crate) mod usable;

@@ -2,7 +2,7 @@
 
 use crate::suggest::nearest;
 use btr_core::log::{Channel, Log, Role};
-use btr_identify::quality::{Finding, Quality, Severity, Topic, check};
+use btr_identify::quality::{Finding, GlitchReport, Quality, Severity, Topic, check};
 use btr_physics::robot::{Actuator, Joint, JointKind, Robot};
 use btr_physics::sensor::SensorNoise;
 
@@ -11,9 +11,9 @@ const FAR: f64 = 1.0;
 /// Tolerance of a limit, as a share of the range.
 const SLACK: f64 = 0.05;
 
-/// All findings about a log that is compared with this robot, whose sensors have this noise.
-pub(crate) fn quality(log: &Log, robot: &Robot, noise: &SensorNoise) -> Quality {
-    let mut quality = check(log);
+/// All findings about a log with these glitches that is compared with this robot, whose sensors have this noise.
+pub(crate) fn quality(log: &Log, glitches: Vec<GlitchReport>, robot: &Robot, noise: &SensorNoise) -> Quality {
+    let mut quality = check(log, glitches);
     let mut found = Vec::new();
     for joint in robot.movable().map(|(_, link)| &link.joint) {
         let beyond = ["q", "cmd"].into_iter().filter_map(|kind| beyond(log, kind, joint));

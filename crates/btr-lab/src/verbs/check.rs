@@ -32,6 +32,7 @@ impl CheckReport {
                 "verdict": quality.worst(),
                 "clock": quality.clock,
                 "channels": quality.sensors,
+                "glitches": quality.glitches,
                 "joints": quality.joints.iter().map(joint).collect::<Vec<_>>(),
                 "findings": quality.findings,
             })

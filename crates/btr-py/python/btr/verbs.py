@@ -44,8 +44,9 @@ def effects(name: str | None = None) -> EffectsResult:
 
 
 def check(model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike]) -> CheckResult:
-    """Quality of logs before any fit, and which free parameters they determine. Raises `BtrError` for logs that cannot
-    be read or do not match the model."""
+    """Quality of logs before any fit, and which free parameters they determine. Readings that no motion explains are
+    listed and, as in the other verbs, left out, unless the model has `channels.keep_glitches`. Raises `BtrError` for
+    logs that cannot be read or do not match the model."""
     model = loaded(model)
     return CheckResult(json.loads(_btr.check(model._model, Logs(model._model).all(logs))))
 

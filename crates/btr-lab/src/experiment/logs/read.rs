@@ -5,11 +5,12 @@ use crate::experiment::file::File;
 use crate::experiment::source::FileError;
 use crate::log_quality::usable;
 use btr_core::text::Text;
+use btr_identify::quality::{find_glitches, leave_out_glitches};
 use std::path::Path;
 
-/// Reads a log, and rejects one that cannot be used.
+/// Reads a log, leaves out its glitches, and rejects one that cannot be used.
 pub(crate) fn read(source: &LogSource, file: &File) -> Result<ReadLog, FileError> {
-    let (log, warnings) = match source {
+    let (mut log, warnings) = match source {
         LogSource::Read(known) => return Ok(known.clone()),
         LogSource::File(path) => btr_io::read_recorded(path, &file.channels).map_err(|e| unreadable(&e))?,
         LogSource::InMemory { name, log } => {
@@ -19,7 +20,8 @@ pub(crate) fn read(source: &LogSource, file: &File) -> Result<ReadLog, FileError
     };
     usable::check_clock(&log).map_err(|e| about(source.path(), &e.message, e.help.map(Text::from)))?;
     let warnings = warnings.iter().map(ToString::to_string).collect();
-    Ok(ReadLog { path: source.path().to_owned(), log, warnings })
+    let glitches = if file.channels.keep_glitches { find_glitches(&log) } else { leave_out_glitches(&mut log) };
+    Ok(ReadLog { path: source.path().to_owned(), log, glitches, warnings })
 }
 
 /// An error about a log that is not the fault of the model file.

@@ -1,6 +1,7 @@
 //! Sources of logs.
 
 use btr_core::log::Log;
+use btr_identify::quality::GlitchReport;
 use std::path::{Path, PathBuf};
 
 /// A log to read, or a log in memory.
@@ -47,8 +48,10 @@ impl From<PathBuf> for LogSource {
 pub struct ReadLog {
     /// The file's path, or the log's name.
     pub path: PathBuf,
-    /// Its samples.
+    /// Its samples; those of glitches are missing, unless the model file keeps them.
     pub log: Log,
+    /// Its glitches.
+    pub glitches: Vec<GlitchReport>,
     /// Warnings of its reader.
     pub warnings: Vec<String>,
 }

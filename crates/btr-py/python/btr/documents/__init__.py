@@ -19,7 +19,16 @@ from btr.documents._common import (
     Topic,
     Verdict,
 )
-from btr.documents._check import CheckedLog, ClockReport, CommandLag, CommandResponse, Sensitivity, SensorReport
+from btr.documents._check import (
+    CheckedLog,
+    ClockReport,
+    CommandLag,
+    CommandResponse,
+    Glitch,
+    GlitchKind,
+    Sensitivity,
+    SensorReport,
+)
 from btr.documents._compare import ChannelError, Clue, Regime, RegimeFailure
 from btr.documents._diagnose import (
     CorrectedValue,
@@ -83,6 +92,8 @@ __all__ = [
     "Finding",
     "FitStop",
     "Generation",
+    "Glitch",
+    "GlitchKind",
     "Iteration",
     "LadderStep",
     "LawReport",

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from btr.documents._common import Finding, Severity
 from btr.documents._record import Record
+
+GlitchKind = Literal["wrap_around", "zero", "stuck", "spike"]
+"""What a glitch looks like: off by full turns, exactly zero, the reading before repeated, or any other value."""
 
 
 class ClockReport(Record):
@@ -65,6 +70,29 @@ class CommandResponse(Record):
     """The lag; None if the joint does not follow its command."""
 
 
+class Glitch(Record):
+    """Readings of a joint's position that no motion explains."""
+
+    channel: str
+    """Name of the channel."""
+    kind: GlitchKind
+    """What it looks like."""
+    sample: int
+    """Its first sample, counted from 0."""
+    samples: int
+    """Number of samples."""
+    time_s: float
+    """Time of its first sample, in s after the first sample of the log."""
+    value: float
+    """The reading that departs most, in the channel's unit."""
+    expected: float
+    """What the readings around it predict there, in the channel's unit."""
+    lost_message: bool
+    """Whether all positions repeat their samples before: a message was lost."""
+    left_out: bool
+    """Whether its samples were left out."""
+
+
 class CheckedLog(Record):
     """Quality of a log."""
 
@@ -76,6 +104,8 @@ class CheckedLog(Record):
     """The clock."""
     channels: list[SensorReport]
     """The channels: commands and sensors."""
+    glitches: list[Glitch]
+    """Readings of joint positions that no motion explains."""
     joints: list[CommandResponse]
     """The response of each joint to its command."""
     findings: list[Finding]

@@ -14,6 +14,7 @@ Topic = Literal[
     "clock",
     "gaps",
     "missing",
+    "glitches",
     "dead",
     "saturation",
     "noise",
