@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 KINDS = ("spike", "wrap-around", "zero", "stuck", "lost")
-"""Any value for one sample; off by a turn; exactly zero; one joint's, or all joints', readings repeated: 1 to 3 samples."""
+"""Any value for one sample; for one to three: off by a turn, zero, one joint's or all joints' readings repeated."""
 
 
 def damage(path: Path, seed: int, share: float) -> dict[tuple[str, int], float]:
@@ -39,8 +39,8 @@ def damage(path: Path, seed: int, share: float) -> dict[tuple[str, int], float]:
                         "wrap-around": reading - math.tau,
                         "zero": 0.0,
                     }.get(kind, float(true[start - 1][c]))
-                    rows[k][c] = repr(wrong)
-                    changed[header[c], k] = abs(wrong - reading)
+                    rows[k][c] = repr(float(wrong))
+                    changed[header[c], k] = float(abs(wrong - reading))
     with path.open("w", newline="") as file:
         csv.writer(file).writerows([header, *rows])
     return changed

@@ -254,9 +254,9 @@ impl LogArgs {
 pub(crate) struct DiagnoseArgs {
     #[command(flatten)]
     pub(crate) logs_args: LogArgs,
-    /// Maximum number of effects to name
-    #[arg(long, value_name = "N", default_value_t = 3)]
-    pub(crate) max_effects: usize,
+    /// Maximum number of effects to name; usually 3, or 3 per joint where the motion of all joints is prescribed
+    #[arg(long, value_name = "N")]
+    pub(crate) max_effects: Option<usize>,
     /// Where to write the model as the diagnosis leaves it, whatever the verdict: with the effects that were found, at
     /// their fitted values; .toml
     #[arg(short, long, value_name = "MODEL")]
@@ -282,7 +282,7 @@ pub(crate) struct DiagnoseArgs {
 pub(crate) struct AddArgs {
     /// The model (TOML)
     pub(crate) model: PathBuf,
-    /// Effects to add; without a site, at every possible site
+    /// Effects to add; without a site, at every possible site with values of its own (`@*` shares one value)
     #[arg(required = true, value_name = "EFFECT[@SITE]")]
     pub(crate) effects: Vec<String>,
     /// Where to write the model
@@ -294,7 +294,7 @@ pub(crate) struct AddArgs {
 pub(crate) struct FitArgs {
     #[command(flatten)]
     pub(crate) logs_args: LogArgs,
-    /// Effect to add before fitting
+    /// Effect to add before fitting; without a site, at every possible site with values of its own (`@*` shares one)
     #[arg(long, value_name = "EFFECT[@SITE]")]
     pub(crate) add: Vec<String>,
     /// Where to write the fitted model

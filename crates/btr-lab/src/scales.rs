@@ -6,7 +6,7 @@ use btr_core::world::{Simulator, WorldError};
 use btr_physics::engine::turned_inertia;
 use btr_physics::model::Model;
 use btr_physics::robot::site::instance;
-use btr_physics::robot::{JointKind, Robot};
+use btr_physics::robot::{Actuator, JointKind, Robot};
 
 /// The desk arm to which the hints of the effect specs refer.
 const DESK: JointScale = JointScale { torque: 1.0, speed: 3.0, inertia: 0.02, mass: 0.5, length: 0.2 };
@@ -37,11 +37,24 @@ pub(crate) struct RobotScales {
 }
 
 impl RobotScales {
-    /// Scales from simulations of the logs with the model at its current values.
+    /// Scales from simulations of the logs with the model at its current values. What a model without friction requires
+    /// of a wrist whose motion is prescribed says little; what its motor gave was measured.
     pub(crate) fn of(model: &Model, recorded: &[Log]) -> Result<Self, WorldError> {
         let nominal = model.simulations().nominal();
         let simulated = (0..model.learn.min(recorded.len())).map(|log| model.simulate(model.request(&nominal, log)));
-        RobotScales::seen(&model.robot, &simulated.collect::<Result<Vec<_>, _>>()?)
+        let mut simulated = simulated.collect::<Result<Vec<Log>, _>>()?;
+        for (simulated, recorded) in simulated.iter_mut().zip(recorded) {
+            for (_, link) in model.robot.movable().filter(|(_, link)| link.joint.actuator == Actuator::Prescribed) {
+                let name = link.joint.compared();
+                let Some(measured) = recorded.channel(&name) else { continue };
+                let Some(required) = simulated.values_mut(&name) else { continue };
+                let (measured, model) = (rms(&measured.values), rms(required));
+                if model > 0.0 && measured > model {
+                    required.iter_mut().for_each(|torque| *torque *= measured / model);
+                }
+            }
+        }
+        RobotScales::seen(&model.robot, &simulated)
     }
 
     /// Scales from the motions and torques of simulated logs.

@@ -5,8 +5,8 @@ use btr_core::signal::noise;
 use indexmap::IndexMap;
 use rand::RngExt;
 
-/// Standard deviations of the sensors' noise, by kind; all zero by default.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Standard deviations of the sensors' noise, by kind and by channel; all zero by default.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SensorNoise {
     /// Of joint positions, in rad (m).
     pub position: f64,
@@ -22,6 +22,8 @@ pub struct SensorNoise {
     pub foot_n: f64,
     /// Step of the joint encoders, in rad (m); 0 for none. Positions are rounded to it after the noise.
     pub position_quantum: f64,
+    /// Of single channels, in their units, instead of that of their kind.
+    pub channels: IndexMap<String, f64>,
 }
 
 impl SensorNoise {
@@ -39,7 +41,8 @@ impl SensorNoise {
     /// The model's stated sensor noise, by channel name pattern.
     pub fn by_channel(&self) -> IndexMap<String, f64> {
         let kinds = ["q_", "dq_", "tau_", "imu_gyro_", "imu_acc_", "foot_"];
-        kinds.iter().filter_map(|kind| Some((format!("{kind}*"), self.stated(kind)?))).collect()
+        let by_kind = kinds.iter().filter_map(|kind| Some((format!("{kind}*"), self.stated(kind)?)));
+        self.channels.clone().into_iter().chain(by_kind).collect()
     }
 
     /// Whether the noise floor is unknown: the model states none, and the readings show no noise.
@@ -50,7 +53,17 @@ impl SensorNoise {
 
     /// The model's stated noise of a channel's sensor, quantisation included; `None` where it states none.
     pub fn stated(&self, channel: &str) -> Option<f64> {
-        let (white, quantum) = match () {
+        let (white, quantum) = match self.channels.get(channel) {
+            Some(white) => (*white, 0.0),
+            None => self.of_kind(channel),
+        };
+        let given = (white * white + quantum * quantum / 12.0).sqrt();
+        (given > 0.0).then_some(given)
+    }
+
+    /// White noise and quantisation of a channel's kind; zero where they are unknown.
+    fn of_kind(&self, channel: &str) -> (f64, f64) {
+        match () {
             () if channel.starts_with("q_") => (self.position, self.position_quantum),
             () if channel.starts_with("dq_") => (self.velocity, 0.0),
             () if channel.starts_with("tau_") => (self.torque, 0.0),
@@ -58,14 +71,12 @@ impl SensorNoise {
             () if channel.starts_with("imu_acc_") => (self.accelerometer_m_s2, 0.0),
             () if channel.starts_with("foot_") => (self.foot_n, 0.0),
             () => (0.0, 0.0),
-        };
-        let given = (white * white + quantum * quantum / 12.0).sqrt();
-        (given > 0.0).then_some(given)
+        }
     }
 }
 
 /// Adds noise of this standard deviation, then rounds to multiples of `quantum` where that is positive.
-pub(crate) fn add_noise(values: &mut [f64], deviation: f64, quantum: f64, rng: &mut Rng) {
+pub fn add_noise(values: &mut [f64], deviation: f64, quantum: f64, rng: &mut Rng) {
     for value in values {
         if deviation > 0.0 {
             *value += deviation * gaussian(rng);

@@ -68,7 +68,7 @@ pub(crate) fn diagnose(
     model: &Model,
     logs: Vec<LogArgument>,
     held_out: Vec<LogArgument>,
-    max_effects: usize,
+    max_effects: Option<usize>,
     max_rollouts: Option<usize>,
     max_time_s: Option<f64>,
     tell: Py<PyAny>,

@@ -121,13 +121,25 @@ pub fn findings(report: &DiagnoseReport) -> (Vec<String>, Vec<String>) {
 }
 
 /// Header of a table of channels.
-pub const CHANNEL_HEADER: [&str; 10] =
-    ["channel", "unit", "rmse", "fit %", "bias", "lag ms", "noise floor", "x noise floor", "white", "step error"];
+pub const CHANNEL_HEADER: [&str; 11] = [
+    "channel",
+    "unit",
+    "rmse",
+    "error %",
+    "fit %",
+    "bias",
+    "lag ms",
+    "noise floor",
+    "x noise floor",
+    "white",
+    "step error",
+];
 
 /// Explanation of the columns of [`CHANNEL_HEADER`].
-pub const LEGEND: [&str; 3] = [
+pub const LEGEND: [&str; 4] = [
     "x noise floor: the error in multiples of the sensor's noise floor (chi in --json); 1 is the best that any model can reach",
-    "white: whether the residual looks like noise; fit %: the share of the motion that is reproduced; lag: delay of the measurement",
+    "error %: the error's root mean square (rmse) in percent of that of the readings; fit %: the share of the motion that is reproduced",
+    "white: whether the residual looks like noise; lag: delay of the measurement",
     "step error: the error of the simulation's time step alone, in noise floors",
 ];
 
@@ -139,6 +151,7 @@ pub fn channel_rows(outcome: &CompareReport) -> Vec<Vec<String>> {
             c.name.clone(),
             c.unit.clone(),
             number(c.rmse),
+            tenth(c.error_percent),
             tenth(c.fit_percent),
             number(c.bias),
             tenth(c.lag_s.map(|lag| 1e3 * lag)),

@@ -9,6 +9,7 @@ mod determinism;
 mod disengage;
 mod doubts;
 mod glitches;
+mod inverse_dynamics;
 mod lab;
 mod real_arm;
 mod real_servo;

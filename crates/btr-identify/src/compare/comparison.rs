@@ -28,6 +28,8 @@ pub struct ChannelError {
     pub samples: usize,
     /// Root mean square of the error, in the unit.
     pub rmse: f64,
+    /// The root mean square of the error in percent of that of the readings; `None` for a channel of zeros.
+    pub error_percent: Option<f64>,
     /// 100·(1 - |e|/|y - mean|), with the mean of each log; `None` for a channel that does not change.
     pub fit_percent: Option<f64>,
     /// Mean error, in the unit.

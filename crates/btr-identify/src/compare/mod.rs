@@ -1,7 +1,8 @@
 //! Differences between simulation and measurement: per channel, and per joint and regime of motion.
 //!
-//! Works on logs alone and knows nothing of robots: a joint is whatever has a channel `q_<joint>`. Errors are measured
-//! minus simulated. Samples that are missing on either side are skipped, never interpolated over.
+//! Works on logs alone and knows nothing of robots: a joint is whatever has a channel `q_<joint>`. It is judged by its
+//! position, or by its torque where positions are not compared. Errors are measured minus simulated.
+//! Samples that are missing on either side are skipped, never interpolated over.
 
 mod clue;
 mod clue_series;
@@ -51,7 +52,12 @@ pub fn compare(episodes: &[LogPair], floor: impl Fn(&str, &[f64], &[f64]) -> Opt
             has_values.then_some(ChannelResidual { log, channel, unit, simulated, error, floor })
         }));
     }
-    let tracks: Vec<JointTrack> = residuals.iter().filter_map(|r| track(r, &episodes[r.log])).collect();
+    let is_judged_by = |r: &ChannelResidual| match r.channel.strip_prefix("tau_") {
+        Some(joint) => residuals.iter().all(|other| other.channel.strip_prefix("q_") != Some(joint)),
+        None => true,
+    };
+    let judged = residuals.iter().filter(|r| is_judged_by(r));
+    let tracks: Vec<JointTrack> = judged.filter_map(|r| track(r, &episodes[r.log])).collect();
     let mut by_channel: IndexMap<&str, Vec<&ChannelResidual>> = IndexMap::new();
     residuals.iter().for_each(|r| by_channel.entry(&r.channel).or_default().push(r));
     let channels = by_channel.values().map(|all| channel_error(all, episodes)).collect();
@@ -59,7 +65,7 @@ pub fn compare(episodes: &[LogPair], floor: impl Fn(&str, &[f64], &[f64]) -> Opt
     Comparison { channels, cells, residuals, tracks }
 }
 
-/// A joint's track with its regimes and clues; `None` for residuals of anything but positions.
+/// A joint's track with its regimes and clues; `None` for residuals of anything but positions and torques.
 fn track(residual: &ChannelResidual, pair: &LogPair) -> Option<JointTrack> {
     let mut track = JointTrack::new(residual, pair)?;
     track.regimes = regime_masks::regimes(&track);
@@ -71,7 +77,7 @@ fn track(residual: &ChannelResidual, pair: &LogPair) -> Option<JointTrack> {
 fn channel_error(residuals: &[&ChannelResidual], episodes: &[LogPair]) -> ChannelError {
     let real =
         |r: &ChannelResidual| episodes[r.log].real.channel(&r.channel).map_or(&[][..], |channel| &channel.values);
-    let (mut n, mut sum, mut squares, mut spread, mut floors) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    let (mut n, mut sum, mut squares, mut spread, mut whole, mut floors) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for residual in residuals {
         let present = || real(residual).iter().zip(&residual.error).filter(|(_, e)| e.is_finite());
         let count = present().count() as f64;
@@ -80,6 +86,7 @@ fn channel_error(residuals: &[&ChannelResidual], episodes: &[LogPair]) -> Channe
         sum += present().map(|(_, e)| e).sum::<f64>();
         squares += present().map(|(_, e)| e * e).sum::<f64>();
         spread += present().map(|(y, _)| (y - mean).powi(2)).sum::<f64>();
+        whole += present().map(|(y, _)| y * y).sum::<f64>();
         floors += count * residual.floor.powi(2);
     }
     let (rmse, noise_floor) = ((squares / n).sqrt(), (floors / n).sqrt());
@@ -89,6 +96,7 @@ fn channel_error(residuals: &[&ChannelResidual], episodes: &[LogPair]) -> Channe
         unit: residuals[0].unit.clone(),
         samples: n as usize,
         rmse,
+        error_percent: (whole > 0.0).then(|| 100.0 * (squares / whole).sqrt()),
         fit_percent: (spread > 0.0).then(|| 100.0 * (1.0 - (squares / spread).sqrt())),
         bias: sum / n,
         lag_s: common_lag(residuals.iter().map(|r| (&episodes[r.log], *r, real(r)))),

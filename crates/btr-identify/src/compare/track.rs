@@ -4,6 +4,7 @@ use super::clue::Clue;
 use super::pair::{ChannelResidual, LogPair, on_clock};
 use super::quantile::quantile;
 use super::regime::Regime;
+use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::smooth::{Motion, smooth};
 
 /// One joint in one log, sample by sample on the log's clock.
@@ -15,9 +16,10 @@ pub struct JointTrack {
     pub joint: String,
     /// In s.
     pub clock_s: Vec<f64>,
-    /// Measured minus simulated position, in rad (m); NaN where missing.
+    /// Measured minus simulated position, in rad (m); of a joint whose motion is prescribed, torque in N·m (N). NaN
+    /// where missing.
     pub error: Vec<f64>,
-    /// Standard deviation of the position sensor's error.
+    /// Standard deviation of the sensor's error, in the same unit.
     pub floor: f64,
     /// The measured motion, smoothed.
     pub motion: Vec<Motion>,
@@ -37,31 +39,38 @@ pub struct JointTrack {
 }
 
 impl JointTrack {
-    /// The joint that a residual belongs to, without regimes and clues; `None` for residuals of anything but positions.
+    /// The joint that a residual belongs to, without regimes and clues; `None` for residuals of anything but positions
+    /// and torques.
     pub(super) fn new(residual: &ChannelResidual, episode: &LogPair) -> Option<Self> {
-        let joint = residual.channel.strip_prefix("q_")?.to_owned();
+        let of_position = residual.channel.strip_prefix("q_");
+        let joint = of_position.or_else(|| residual.channel.strip_prefix("tau_"))?.to_owned();
         let clock_s = episode.real.clock_s();
-        let position = &episode.real.channel(&residual.channel)?.values;
+        let position = &episode.real.channel(&format!("q_{joint}"))?.values;
         let command = episode.real.channel(&format!("cmd_{joint}")).map(|c| c.values.clone()).unwrap_or_default();
         let torque = format!("tau_{joint}");
         let measured = || episode.real.channel(&torque).map(|c| c.values.clone()).filter(|tau| varies(tau));
         let simulated = || on_clock(episode.simulated, &torque, clock_s).filter(|tau| varies(tau));
-        // The simulated position: the noise of the measured one would be both in the load and in the residual.
+        // The simulated position: the noise of the measured one would be both in the load and in the residual. So would
+        // that of a measured torque which is compared itself.
         let ahead = || command.iter().zip(&residual.simulated).map(|(command, position)| command - position).collect();
-        let (load, load_label) = match (measured(), simulated()) {
+        let (load, load_label) = match (measured().filter(|_| of_position.is_some()), simulated()) {
             (Some(tau), _) => (tau, "measured torque"),
             (None, Some(tau)) => (tau, "simulated torque"),
             (None, None) if command.is_empty() => (vec![0.0; clock_s.len()], "no load"),
             (None, None) => (ahead(), "command minus simulated position"),
         };
         let motion = smooth(clock_s, position);
+        let noise = match of_position {
+            Some(_) => residual.floor,
+            None => NoiseEstimate::of(position).map_or(0.0, |noise| noise.sigma()),
+        };
         Some(JointTrack {
             log: residual.log,
             joint,
             clock_s: clock_s.to_vec(),
             error: residual.error.clone(),
             floor: residual.floor,
-            still: still(clock_s, &motion, residual.floor),
+            still: still(clock_s, &motion, noise),
             motion,
             command,
             load,
@@ -100,13 +109,13 @@ impl JointTrack {
 
 /// The speed below which a joint counts as resting: four deviations of the smoothed velocity, at least a twentieth of
 /// its top speed.
-fn still(clock_s: &[f64], motion: &[Motion], floor: f64) -> f64 {
+fn still(clock_s: &[f64], motion: &[Motion], noise: f64) -> f64 {
     let top = quantile(motion.iter().map(|m| m.velocity.abs()), 0.95).unwrap_or(0.0);
     let step = clock_s.windows(2).map(|pair| pair[1] - pair[0]).sum::<f64>() / clock_s.len().max(2) as f64;
     // The slope of n points over 2·reach has the deviation sigma/(reach·sqrt(n/3)).
     let reach = (4.0 * step).max(0.02);
     let points = (2.0 * reach / step.max(1e-9) + 1.0).max(4.0);
-    (0.05 * top).max(4.0 * floor / (reach * (points / 3.0).sqrt()))
+    (0.05 * top).max(4.0 * noise / (reach * (points / 3.0).sqrt()))
 }
 
 fn varies(values: &[f64]) -> bool {

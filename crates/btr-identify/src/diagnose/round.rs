@@ -57,15 +57,50 @@ impl SecondLooks {
     }
 }
 
-/// Screens, races and judges; the winner if it is accepted.
+/// Screens, races and judges; the winner if it is accepted. Where what acts in a joint shows in its own channel alone,
+/// held-out logs that contradict the leader at one joint say nothing about the others, which are then tried without it.
 pub(super) fn round(
     objective: &mut Objective,
     state: &mut DiagnosisState,
     second_looks: &mut SecondLooks,
 ) -> Option<(Rival, MissingEffect)> {
+    let mut offered = state.offered(objective);
+    let found = attempt(objective, state, second_looks, &offered);
+    if found.is_some() || !objective.description.is_decoupled {
+        return found;
+    }
+    let (first, unconfirmed) = (state.rounds.len(), state.unconfirmed.take());
+    while let Some(site) = site_of_the_leader(objective, state).filter(|_| !objective.is_stopped()) {
+        let before = offered.len();
+        offered.retain(|&candidate| objective.candidates()[candidate].site != site);
+        if offered.len() == before || offered.is_empty() {
+            break;
+        }
+        if let Some(found) = attempt(objective, state, second_looks, &offered) {
+            state.rounds.drain(first - 1..state.rounds.len() - 1);
+            return Some(found);
+        }
+    }
+    state.rounds.truncate(first);
+    state.unconfirmed = unconfirmed;
+    None
+}
+
+/// The site of the candidate that fits best in the last round.
+fn site_of_the_leader(objective: &Objective, state: &DiagnosisState) -> Option<String> {
+    let name = &state.rounds.last()?.first()?.name;
+    objective.candidates().iter().find(|candidate| candidate.name() == *name).map(|candidate| candidate.site.clone())
+}
+
+/// One attempt of a round, with the candidates `offered`.
+fn attempt(
+    objective: &mut Objective,
+    state: &mut DiagnosisState,
+    second_looks: &mut SecondLooks,
+    offered: &[usize],
+) -> Option<(Rival, MissingEffect)> {
     state.unconfirmed = None;
-    let offered = state.offered(objective);
-    let (mut rivals, starts) = first_rivals(objective, state, second_looks, &offered);
+    let (mut rivals, starts) = first_rivals(objective, state, second_looks, offered);
     let leader = rivals.first()?;
     let hardly = leader.fit.squares() > HARDLY * state.fit.squares() && !objective.description.has_contact;
     if leader.fit.squares() > MODEST * state.fit.squares() {
@@ -73,18 +108,18 @@ pub(super) fn round(
     }
     let once_more = leaves_much(objective, &rivals) && !hardly && second_looks.allow(objective);
     let screened = if once_more { starts.as_slice() } else { &[] };
-    let again = to_be_tried_again(objective, leader, &rivals, screened, &offered);
+    let again = to_be_tried_again(objective, leader, &rivals, screened, offered);
     let others = from_the_leader(objective, state, leader, &again);
     rivals = best_of_each(rivals.into_iter().chain(others).collect());
     if objective.description.has_contact {
-        let rivals = on_the_ground(objective, state, rivals, &offered);
+        let rivals = on_the_ground(objective, state, rivals, offered);
         return judge_rivals(objective, state, rivals);
     }
     let judged = judge_rivals(objective, state, rivals.clone());
     if judged.is_some() || !leaves_much(objective, &rivals) || !second_looks.allow(objective) {
         return judged;
     }
-    let others = not_fitted(&rivals, &offered);
+    let others = not_fitted(&rivals, offered);
     let late = last_chance_of_the_best(objective, &state.fit, &others, &rivals[0].fit);
     state.rounds.pop();
     judge_rivals(objective, state, best_of_each(rivals.into_iter().chain(late).collect()))

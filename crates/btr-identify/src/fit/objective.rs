@@ -1,7 +1,7 @@
 //! Evaluation of a residual model: many points and logs at once, with a count of rollouts.
 
 use super::residual_vector::{ResidualVector, squares};
-use super::rollouts::each;
+use super::rollouts::{each, rows_near};
 use super::start::{MOVED, StartStates, nearest_starts};
 use super::time_step::{extrapolation, finer_step};
 use crate::residual_model::{
@@ -55,6 +55,16 @@ impl<'a> Objective<'a> {
     /// The same with the response to another start state taken from the model at a point.
     pub fn at(model: &'a dyn ResidualModel, u: &[f64]) -> Self {
         Self::described(model, model.description(), u)
+    }
+
+    /// The rows of these channels in the residual of a set of logs.
+    pub(crate) fn rows_near(&self, logs: LogSet, near: &[String]) -> Vec<Range<usize>> {
+        let (mut start, mut rows) = (0, Vec::new());
+        for log in self.logs(logs).iter().map(|&log| &self.description.logs[log]) {
+            rows.extend(rows_near(log, near).into_iter().map(|of_log| start + of_log.start..start + of_log.end));
+            start += log.rows();
+        }
+        rows
     }
 
     fn described(model: &'a dyn ResidualModel, description: ModelDescription, u: &[f64]) -> Self {

@@ -58,12 +58,21 @@ pub(super) fn findings(sensor: &SensorReport, channel: &Channel) -> Vec<Finding>
             format!("{name} has a noise of {noise:.2e} {unit} while it changes by only {:.2e} {unit}", max - min);
         say(Topic::Noise, Severity::Doubtful, sentence);
     }
-    if name.starts_with("tau_") && max > min && sensor.at_ends > 0.05 {
+    let at_limit = at_limit(sensor, channel);
+    if name.starts_with("tau_") && max > min && at_limit > 0.05 {
         let sentence =
-            format!("{name} is at its extreme {:.0} % of the time: the motor is at its limit", 100.0 * sensor.at_ends);
+            format!("{name} is at its extreme {:.0} % of the time: the motor is at its limit", 100.0 * at_limit);
         say(Topic::Saturation, Severity::Doubtful, sentence);
     }
     found
+}
+
+/// Share of the samples at the largest value above zero or the smallest one below it: a motor that gives nothing is not
+/// at its limit.
+fn at_limit(sensor: &SensorReport, channel: &Channel) -> f64 {
+    let present = || channel.values.iter().filter(|x| x.is_finite());
+    let at_end = |x: &&f64| **x >= sensor.max && **x > 0.0 || **x <= sensor.min && **x < 0.0;
+    present().filter(at_end).count() as f64 / present().count().max(1) as f64
 }
 
 /// Intervals without commands: single messages lost, or torque off.

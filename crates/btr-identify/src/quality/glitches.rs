@@ -117,8 +117,8 @@ pub(super) fn left_out_of(found: &[GlitchReport], channel: &str) -> usize {
     found.iter().filter(|glitch| glitch.left_out && glitch.channel == channel).map(|glitch| glitch.samples).sum()
 }
 
-/// One finding for each channel with glitches; `readings` is the number of samples of the log.
-pub(super) fn findings(found: &[GlitchReport], readings: usize) -> Vec<Finding> {
+/// One finding for each channel with glitches; `samples` is the number of samples of the log.
+pub(super) fn findings(found: &[GlitchReport], samples: usize) -> Vec<Finding> {
     let of_channel = |found: &[GlitchReport]| {
         let (name, wrong) = (&found[0].channel, found.iter().map(|glitch| glitch.samples).sum::<usize>());
         let kinds = [
@@ -135,19 +135,22 @@ pub(super) fn findings(found: &[GlitchReport], readings: usize) -> Vec<Finding> 
         let lost = counted(&|glitch| glitch.lost_message, "from lost messages, which repeat all joints' positions");
         let kinds: Vec<String> = kinds.into_iter().filter_map(alone).chain(lost).collect();
         let listed = |glitch: &GlitchReport| {
-            format!("{:.3} instead of {:.3} at {:.3} s", glitch.value, glitch.expected, glitch.time_s)
+            format!("{:.5} instead of {:.5} at {:.3} s", glitch.value, glitch.expected, glitch.time_s)
         };
         let list: Vec<String> = found.iter().take(LISTED).map(listed).collect();
         let more = if found.len() > LISTED { ", ..." } else { "" };
-        let fate = match (found[0].left_out, wrong as f64 > MOST * readings as f64) {
+        let fate = match (found[0].left_out, wrong as f64 > MOST * samples as f64) {
+            (true, _) if wrong == 1 => "it is left out",
             (true, _) => "they are left out",
             (false, true) => {
                 "too many to leave out: they are kept; does the sensor read more slowly than it is logged?"
             }
+            (false, false) if wrong == 1 => "it is kept",
             (false, false) => "they are kept",
         };
+        let readings = if wrong == 1 { "reading" } else { "readings" };
         let sentence = format!(
-            "{name} has {wrong} readings that no motion explains: {} ({}{more}); {fate}",
+            "{name} has {wrong} {readings} that no motion explains: {} ({}{more}); {fate}",
             kinds.join(", "),
             list.join(", ")
         );

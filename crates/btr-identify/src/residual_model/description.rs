@@ -41,6 +41,8 @@ pub struct ModelDescription {
     /// Whether small errors grow, as with contact. Then results with half the time step cannot be extrapolated to a
     /// step of zero, and the noise floors must include the integrator's error.
     pub is_chaotic: bool,
+    /// Whether the motion is prescribed, so that what acts in a joint shows in that joint's channel alone.
+    pub is_decoupled: bool,
 }
 
 impl ModelDescription {
@@ -62,6 +64,7 @@ impl ModelDescription {
             order: 1,
             has_contact: false,
             is_chaotic: false,
+            is_decoupled: false,
         }
     }
 

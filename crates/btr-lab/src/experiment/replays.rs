@@ -6,7 +6,7 @@ use super::logs::read::read;
 use super::logs::scenarios::{LogPurpose, ScenarioReader, ScenarioSet};
 use super::logs::source::{LogSource, Recordings};
 use super::source::{FileError, Source};
-use crate::log_quality::{beside_model, coverage, quality};
+use crate::log_quality::{beside_model, coverage, quality, torque_noise};
 use btr_core::log::Log;
 use btr_identify::quality::Quality;
 use btr_physics::model::Model;
@@ -76,7 +76,7 @@ where
     let known = IndexEntries::of(&file, source)?;
     let reader = ScenarioReader { file: &file, source, robot: &robot };
     let (mut all, mut recordings) = (ScenarioSet::none(), Recordings::default());
-    let (mut floor, mut scenarios) = (0.0f64, Vec::new());
+    let mut scenarios = Vec::new();
     for (k, given) in learn.iter().chain(&held_out).enumerate() {
         let (path, log) = (given.path(), read(given, &file)?);
         all.notice(path, log.warnings.iter().cloned().chain(known.misses(path)));
@@ -86,7 +86,7 @@ where
             false => (LogPurpose::HeldOut, &mut recordings.held_out),
         };
         let first = all.scenarios.len();
-        floor = all.add(&log, purpose, &settings, &reader)?.into_iter().fold(floor, f64::max);
+        all.add(&log, purpose, &settings, &reader)?;
         scenarios.push(first..all.scenarios.len());
         list.push(log);
     }
@@ -101,10 +101,10 @@ where
     }
     let (mut logs, warnings) = (all.logs.clone(), all.warnings.clone());
     let mut model = builder.model(all)?;
-    if model.setup.noise.torque <= 0.0 {
-        // A smoothed torque does not show its sensor's noise any more.
-        model.setup.noise.torque = floor;
-    }
+    // Smoothed torques do not show their noise any more.
+    let raw: Vec<&Log> = learn.iter().map(|read| &read.log).collect();
+    let floors = torque_noise::floors(&model, &raw, &logs);
+    model.setup.noise.channels.extend(floors);
     let beside = match file.channels.keep_glitches {
         true => vec![Vec::new(); logs.len()],
         false => beside_model::leave_out(&model, &mut logs),

@@ -10,7 +10,7 @@ use btr_core::world::WorldError;
 use btr_identify::residual_model::{CandidateKind, EffectCandidate, FitParameter, LawTerm, Needs, Ripple};
 use btr_physics::effects::{DryFriction, EFFECTS, Effect};
 use btr_physics::robot::site::{instance, numbered};
-use btr_physics::robot::{Actuator, Base};
+use btr_physics::robot::{Actuator, Base, Joint};
 
 impl IdentificationProblem {
     /// Adds every effect at every site and every stated value to the candidates, except those named in `without`.
@@ -106,7 +106,7 @@ impl IdentificationProblem {
         // A shape of this name is the order of a ripple in the joint's position.
         let order = spec.params.iter().filter(|param| param.shape).position(|param| param.name == "order");
         let ripple = order.map(|shape| Ripple { shape, channel: format!("q_{}", instance(&site).0) });
-        self.near.push(self.limb_of(&site));
+        self.near.push(if effect.changes_readings() { Vec::new() } else { self.shows_in(&site) });
         let effect_name = spec.name.to_owned();
         let (similar, nested) = (Vec::new(), Vec::new());
         self.candidates.push(EffectCandidate {
@@ -124,9 +124,14 @@ impl IdentificationProblem {
         self.changes.push(Change::Effect(effect));
     }
 
-    /// The channels of the limb that a joint or a link belongs to; none if logs are compared as a whole.
-    fn limb_of(&self, site: &str) -> Vec<String> {
+    /// The channels in which an effect at a joint or a link mainly shows; none if in all. With a prescribed motion, a
+    /// joint's torque balances what acts in the joint; otherwise, in windows, those of the limb.
+    fn shows_in(&self, site: &str) -> Vec<String> {
         let (site, _) = instance(site);
+        if self.is_decoupled() {
+            let joint = self.model.robot.movable().map(|(_, link)| &link.joint).find(|joint| joint.name == site);
+            return joint.map(Joint::compared).into_iter().collect();
+        }
         if self.parts.iter().all(|part| part.windows.is_empty()) {
             return Vec::new();
         }

@@ -7,9 +7,9 @@ use btr_physics::model::Model;
 use btr_physics::robot::Base;
 use rayon::prelude::*;
 
-/// Leaves out the readings that depart from the model's motion as no error of a model does, and returns them; `logs` are
-/// those of the model's scenarios. None for floating robots, whose contacts come at other times in the model, and for
-/// logs on which the model diverges.
+/// Leaves out the readings that depart from the model's motion as no error of a model does, and returns them; `logs`
+/// are those of the model's scenarios. None for floating robots, whose contacts come at other times in the model, and
+/// for logs on which the model diverges.
 pub(crate) fn leave_out(model: &Model, logs: &mut [Log]) -> Vec<Vec<GlitchReport>> {
     if model.robot.base == Base::Floating {
         return vec![Vec::new(); logs.len()];

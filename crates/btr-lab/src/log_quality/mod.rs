@@ -4,6 +4,7 @@
 pub(crate) mod beside_model;
 pub(crate) mod coverage;
 pub(crate) mod robot;
+pub(crate) mod torque_noise;
 pub(crate) mod usable;
 
 pub(crate) use robot::quality;

@@ -103,6 +103,19 @@ impl AddError {
 }
 
 impl Addition {
+    /// Parses `EFFECT[@SITE]` or the name of a parameter. An effect of joints or links without a site is added at each
+    /// possible one, with values of its own; a pattern (`@*`) shares one value.
+    ///
+    /// # Errors
+    /// See [`parse`](Self::parse).
+    pub fn all(text: &str, robot: &Robot) -> Result<Vec<Self>, AddError> {
+        let effect = effects::find(text).filter(|_| !text.contains('@'));
+        let Some((effect, sites)) = effect.and_then(|effect| Some((effect, separate_sites(effect, robot)?))) else {
+            return Ok(vec![Addition::parse(text, robot)?]);
+        };
+        Ok(sites.into_iter().map(|site| Addition(Kind::Effect(effect, site))).collect())
+    }
+
     /// Parses `EFFECT[@SITE]`, or the name of a parameter such as `mass@LINK` or `armature.inertia@JOINT`: a value that
     /// the model states. Without a site the effect acts on every possible site.
     ///
@@ -144,6 +157,17 @@ impl Addition {
         let bounds = [least - WIDER * least.abs(), most + WIDER * most.abs()];
         Ok(Addition(Kind::Value(Target::parse(name, robot)?, ValueBounds::Absolute(bounds))))
     }
+}
+
+/// The sites of an effect that acts on joints or links.
+fn separate_sites(effect: &'static dyn Effect, robot: &Robot) -> Option<Vec<String>> {
+    let named: Vec<&String> = match effect.spec().site {
+        SiteKind::Joint => robot.movable().map(|(_, link)| &link.joint.name).collect(),
+        SiteKind::Link => robot.links.iter().map(|link| &link.name).collect(),
+        SiteKind::Base | SiteKind::Ground | SiteKind::Robot => return None,
+    };
+    let possible = |site: &&&String| PlacedEffect::off(effect, site.as_str()).check_site(robot).is_ok();
+    Some(named.iter().filter(possible).map(|site| (*site).clone()).collect())
 }
 
 /// The model's text with the effects added: each parameter is free, at its off value if it has one. Bounds are scaled

@@ -8,7 +8,7 @@ use btr_identify::compare;
 use btr_identify::compare::{ChannelError, Comparison, LogPair, RegimeCell};
 use btr_identify::fit::{extrapolation, finer_step};
 use btr_identify::residual_model::TimeStep;
-use btr_physics::robot::Base;
+use btr_physics::robot::{Actuator, Base, Joint};
 use indexmap::IndexMap;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -69,7 +69,14 @@ fn comparison(replays: &Replays, simulated: &[Log]) -> Comparison {
     let scenarios = model.scenarios.iter().zip(&replays.logs).zip(simulated);
     let episodes: Vec<LogPair> =
         scenarios.map(|((scenario, real), simulated)| LogPair { name: &scenario.name, real, simulated }).collect();
+    // A joint whose motion is prescribed is where it was measured, but for smoothing.
+    let given = |channel: &str| {
+        let prescribed = |joint: &Joint| joint.actuator == Actuator::Prescribed;
+        let mut joints = model.robot.movable().map(|(_, link)| &link.joint).filter(|joint| prescribed(joint));
+        joints.any(|joint| channel == format!("q_{}", joint.name) || channel == format!("dq_{}", joint.name))
+    };
     let floor = |channel: &str, readings: &[f64], simulated: &[f64]| match model.robot.base {
+        _ if given(channel) => None,
         Base::Fixed => model.setup.noise.floor_beside(channel, readings, simulated),
         Base::Floating => model.setup.noise.floor(channel, readings),
     };
@@ -108,6 +115,7 @@ impl CompareReport {
                 "unit": c.unit,
                 "samples": c.samples,
                 "rmse": c.rmse,
+                "error_percent": c.error_percent,
                 "fit_percent": c.fit_percent,
                 "bias": c.bias,
                 "lag_s": c.lag_s,

@@ -48,6 +48,11 @@ impl Replay {
 }
 
 impl Replay {
+    /// The log's clock from its first sample, in s.
+    pub fn clock_s(&self) -> &[f64] {
+        &self.clock_s
+    }
+
     /// Whether a joint follows its measured motion.
     pub fn follows(&self, joint: usize) -> bool {
         self.motions.get(joint).is_some_and(Option::is_some)

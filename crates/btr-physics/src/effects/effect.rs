@@ -123,6 +123,10 @@ pub trait Effect: Sync {
     fn is_common(&self) -> bool {
         false
     }
+    /// Whether it changes what a joint's encoder reads, and with that the motion that a log describes.
+    fn changes_readings(&self) -> bool {
+        false
+    }
     /// How many of it a joint may have that the motion can tell apart: ripples of unlike orders.
     fn instances(&self) -> usize {
         1

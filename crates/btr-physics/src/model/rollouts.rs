@@ -12,6 +12,7 @@ use crate::rollout::restart::Restart;
 use crate::rollout::{RolloutRequest, StateHook};
 use crate::setup::{Setup, setup_error};
 use btr_core::log::Log;
+use btr_core::log::interpolate;
 use btr_core::parallel;
 use btr_core::signal::smooth;
 use btr_core::space::Space;
@@ -103,14 +104,16 @@ impl Model {
     }
 
     /// Smooths the torques that measured motions require, which are as noisy as these; measured torques are smoothed
-    /// alike.
+    /// alike, on the clock of the recorded log.
     fn smooth_required_torques(&self, log: &mut Log, scenario: &Scenario) {
         let Some(replay) = &scenario.replay else { return };
         let joints = self.robot.movable().enumerate().filter(|(i, _)| replay.follows(*i));
         for (_, (_, link)) in joints {
             let clock_s = log.clock_s().to_vec();
             if let Some(torques) = log.values_mut(&format!("tau_{}", link.joint.name)) {
-                smooth::in_place(&clock_s, torques);
+                let mut recorded = interpolate(&clock_s, torques, replay.clock_s());
+                smooth::in_place(replay.clock_s(), &mut recorded);
+                torques.copy_from_slice(&interpolate(replay.clock_s(), &recorded, &clock_s));
             }
         }
     }

@@ -8,6 +8,7 @@ use crate::setup::{Sensors, Setup};
 use btr_core::log::{Log, Role};
 use btr_core::random::stream;
 use btr_core::world::WorldError;
+use indexmap::IndexMap;
 use nalgebra::Vector3;
 
 /// Channels of one kind: their names, units and values.
@@ -63,6 +64,8 @@ pub(crate) struct Recorder {
     base: ChannelGroup,
     ball: ChannelGroup,
     samples: usize,
+    /// Noise of single channels, instead of that of their kind.
+    of_channels: IndexMap<String, f64>,
     sensors: Sensors,
     /// Inputs of the accelerometer: gravity, the time step, the velocity before the step.
     gravity_m_s2: Vector3<f64>,
@@ -72,8 +75,9 @@ pub(crate) struct Recorder {
 
 impl Recorder {
     pub(crate) fn new(robot: &Robot, setup: &Setup, samples: usize) -> Self {
-        let SensorNoise { position, velocity, torque, gyro_rad_s, accelerometer_m_s2, foot_n, position_quantum } =
-            setup.noise;
+        let SensorNoise {
+            position, velocity, torque, gyro_rad_s, accelerometer_m_s2, foot_n, position_quantum, ..
+        } = setup.noise;
         let sensors = setup.sensors;
         let joint = |prefix: &str, on: bool, unit: fn(&Joint) -> &'static str, role: Role| {
             let joints = robot.movable().filter(|_| on).map(|(_, link)| &link.joint);
@@ -103,6 +107,7 @@ impl Recorder {
             base,
             ball: axes("ball", &xyz, "m", setup.ball.is_some(), Role::Truth),
             samples,
+            of_channels: setup.noise.channels.clone(),
             sensors,
             gravity_m_s2: setup.gravity_m_s2,
             dt_s: setup.dt_s,
@@ -185,7 +190,8 @@ impl Recorder {
         let mut noise = Vec::new();
         for (kind, series) in kinds.into_iter().enumerate() {
             for (i, name) in series.names.iter().enumerate() {
-                noise.push((name.clone(), [kind as u64, i as u64], series.deviation, series.quantum));
+                let deviation = self.of_channels.get(name).copied().unwrap_or(series.deviation);
+                noise.push((name.clone(), [kind as u64, i as u64], deviation, series.quantum));
             }
             let role = series.role;
             for (name, unit, values) in series.channels() {

@@ -154,7 +154,7 @@ def diagnose(
     model: Model,
     logs: Sequence[_Given],
     held_out: Sequence[_Given],
-    max_effects: int,
+    max_effects: int | None,
     max_rollouts: int | None,
     max_time_s: float | None,
     tell: _Tell,

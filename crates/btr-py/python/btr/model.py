@@ -128,8 +128,9 @@ class Model:
         return self._model.simulate_all(rows_s, rows_c, *_commands_of(log, self._model))
 
     def add(self, *effects: str) -> Model:
-        """The model with added effects, their parameters free (`"coulomb_friction@knee"`; without a site, one at every
-        possible site, all with the same parameters). Raises `BtrError` for an unknown effect or site."""
+        """The model with added effects, their parameters free (`"coulomb_friction@knee"`; without a site, at every
+        possible site with parameters of its own; `"coulomb_friction@*"` shares them). Raises `BtrError` for an unknown
+        effect or site."""
         return self._with_text(self._model.add(list(effects)))
 
     def add_law(self, law: str | Law, /, *, site: str, on: str = "torque", **parameters: Number) -> Model:

@@ -64,7 +64,7 @@ def diagnose(
     logs: LogLike | Iterable[LogLike],
     *,
     held_out: LogLike | Iterable[LogLike] | None = None,
-    max_effects: int = 3,
+    max_effects: int | None = None,
     max_rollouts: int | None = None,
     max_time_s: float | None = None,
     tell: Tell | None = None,
@@ -72,12 +72,14 @@ def diagnose(
 ) -> DiagnoseResult:
     """Which physical effect the model lacks, on which joint and with what probability; or that nothing is missing, or
     that no known effect explains the error. The held-out logs decide; without any, the last part of each log is held
-    out. Errors are in multiples of the noise floor. `max_effects` limits the number of effects. After about
+    out. Errors are in multiples of the noise floor. `max_effects` limits the number of effects (usually 3, or
+    3 per joint where the motion of all joints is prescribed). After about
     `max_rollouts` simulated logs (usually 850 per joint, of at least four, and effect; without limit for floating
     robots) or `max_time_s`, in s, the search stops with the best so far; `executor` selects where simulations run (see
     `btr.executors`). The result's `model` has the effects that were found, at their fitted values. Raises `BtrError`
     for logs without information, or on which the model diverges. An exception of `tell` ends the diagnosis."""
-    model, most, workers, tell = loaded(model), count(max_effects, "max_effects"), executor_of(executor), _heard(tell)
+    model, workers, tell = loaded(model), executor_of(executor), _heard(tell)
+    most = None if max_effects is None else count(max_effects, "max_effects")
     given = Logs(model._model)
     time_s = None if max_time_s is None else positive(max_time_s, "max_time_s")
     rollouts = None if max_rollouts is None else count(max_rollouts, "max_rollouts")

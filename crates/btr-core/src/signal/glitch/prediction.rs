@@ -14,9 +14,9 @@ const SMALL: f64 = 0.05;
 /// ... if there are more than these; otherwise the encoder is assumed to have 12 bits for a turn.
 const FEW: usize = 4;
 
-/// Standard deviation of the noise of `values` that glitches hardly change. [`NoiseEstimate`] takes blocks of samples, and
-/// counts glitches as noise if there is one in most blocks; the median of single departures from predictions is the
-/// alternative. It is no less than that of `resolution`, the quantisation of the readings.
+/// Standard deviation of the noise of `values` that glitches hardly change. [`NoiseEstimate`] takes blocks of samples,
+/// and counts glitches as noise if there is one in most blocks; the median of single departures from predictions is the
+/// alternative. It is no less than `resolution`, that of the readings' quantisation.
 pub(super) fn deviation(clock_s: &[f64], values: &[f64], resolution: f64) -> Option<f64> {
     let by_blocks = NoiseEstimate::of(values)?.sigma();
     let departs = |i: usize| {

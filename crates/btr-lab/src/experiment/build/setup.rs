@@ -21,7 +21,7 @@ impl Builder<'_> {
         if let Some((key, value)) = positive.iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
             return Err(self.error(&["simulation", key], format!("{key} = {value} must be positive"), None));
         }
-        let steps = s.steps(control_s);
+        let steps = s.steps(control_s, robot);
         let counts = [("steps_per_control", steps), ("sample_every", s.sample_every)];
         if let Some((key, _)) = counts.iter().find(|(_, count)| *count == 0) {
             return Err(self.error(&["simulation", key], format!("{key} must be at least 1"), None));
@@ -93,5 +93,6 @@ pub(super) fn noise(section: &NoiseSection) -> SensorNoise {
         accelerometer_m_s2: section.acceleration_m_s2,
         foot_n: section.force_n,
         position_quantum: section.position_quantum_rad,
+        channels: section.channels.clone(),
     }
 }

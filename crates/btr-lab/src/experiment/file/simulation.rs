@@ -1,6 +1,8 @@
 //! `[simulation]` and `[noise]`.
 
+use btr_physics::robot::{Actuator, Base, Robot};
 use btr_physics::setup::EngineName;
+use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +21,8 @@ pub struct SimulationSection {
     /// step.
     pub control_s: Option<f64>,
     /// Physics steps between two references; the step is `control_s / steps_per_control`. Default: 7; without
-    /// `control_s`, fewer for fast logs, so that a step lasts 2.5 ms if 7 would be shorter.
+    /// `control_s`, fewer for fast logs, so that a step lasts 2.5 ms if 7 would be shorter; 1 where the motion of all
+    /// joints is prescribed.
     pub steps_per_control: Option<u32>,
     /// Whether references are interpolated between control ticks instead of held.
     pub interpolate: bool,
@@ -54,9 +57,12 @@ impl Default for SimulationSection {
 }
 
 impl SimulationSection {
-    /// Physics steps in a control period of `control_s`.
-    pub(crate) fn steps(&self, control_s: f64) -> u32 {
+    /// Physics steps in a control period of `control_s` of this robot. A prescribed motion needs no finer steps.
+    pub(crate) fn steps(&self, control_s: f64, robot: &Robot) -> u32 {
+        let mut joints = robot.movable().map(|(_, link)| &link.joint);
+        let is_prescribed = robot.base == Base::Fixed && joints.all(|joint| joint.actuator == Actuator::Prescribed);
         self.steps_per_control.unwrap_or_else(|| match self.control_s {
+            _ if is_prescribed => 1,
             Some(_) => USUAL_STEPS,
             None => (control_s / LONG_STEP_S).ceil().clamp(1.0, f64::from(USUAL_STEPS)) as u32,
         })
@@ -85,7 +91,7 @@ pub struct BallSection {
 }
 
 /// Noise of the sensors: standard deviations of white noise, and quantisation steps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct NoiseSection {
     /// Joint encoders, in rad.
@@ -102,6 +108,8 @@ pub struct NoiseSection {
     pub acceleration_m_s2: f64,
     /// Foot force sensors, in N.
     pub force_n: f64,
+    /// Single channels, in their units, instead of their kind: `channels = { tau_wrist = 0.09 }`.
+    pub channels: IndexMap<String, f64>,
 }
 
 fn half() -> f64 {

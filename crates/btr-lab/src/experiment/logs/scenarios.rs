@@ -9,7 +9,6 @@ use crate::experiment::file::File;
 use crate::experiment::source::{FileError, Source};
 use crate::log_quality::usable;
 use btr_core::log::{Log, LogError, interpolate};
-use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::smooth;
 use btr_physics::drive::Replay;
 use btr_physics::model::Scenario;
@@ -60,44 +59,40 @@ impl ScenarioSet {
         self.warnings.extend(noticed.into_iter().map(|warning| format!("{}: {warning}", path.display())));
     }
 
-    /// Adds a log, in pieces if it has gaps; training logs must be added first. Returns the largest noise floor of
-    /// smoothed torques, if there are any.
+    /// Adds a log, in pieces if it has gaps; training logs must be added first.
     pub(crate) fn add(
         &mut self,
         log: &ReadLog,
         purpose: LogPurpose,
         settings: &[(Target, f64)],
         reader: &ScenarioReader,
-    ) -> Result<Option<f64>, FileError> {
+    ) -> Result<(), FileError> {
         let path = &log.path;
         let simulation = &reader.file.simulation;
-        let dt_s = simulation.control_s.map(|control_s| control_s / f64::from(simulation.steps(control_s)));
+        let dt_s =
+            simulation.control_s.map(|control_s| control_s / f64::from(simulation.steps(control_s, reader.robot)));
         self.notice(path, usable::warnings(&log.log, dt_s));
         let (pieces, noticed) = pieces::pieces(path, &log.log)?;
         self.notice(path, noticed);
-        let mut floor = None;
         for mut piece in pieces {
             self.scenarios.push(Scenario { settings: settings.to_vec(), ..reader.compared(&piece)? });
-            floor = smooth_needed(&mut piece.log, reader.robot).into_iter().chain(floor).reduce(f64::max);
+            smooth_needed(&mut piece.log, reader.robot);
             self.logs.push(piece.log);
         }
         if purpose == LogPurpose::Training {
             self.learn = self.scenarios.len();
         }
-        Ok(floor)
+        Ok(())
     }
 }
 
 /// Smooths the measured torques of joints that follow their measured motion in the same way as the required torques, so
-/// that both have the same bandwidth. Returns the largest noise floor before smoothing, if there are any.
-fn smooth_needed(log: &mut Log, robot: &Robot) -> Option<f64> {
+/// that both have the same bandwidth.
+fn smooth_needed(log: &mut Log, robot: &Robot) {
     let clock_s = log.clock_s().to_vec();
-    let mut floor = None;
     let joints = robot.movable().map(|(_, link)| &link.joint);
     for joint in joints.filter(|joint| joint.actuator == Actuator::Prescribed) {
-        if let Some(torques) = log.values_mut(&format!("tau_{}", joint.name)) {
-            let sigma = NoiseEstimate::of(torques).map_or(0.0, |noise| noise.sigma());
-            floor = Some(sigma.max(floor.unwrap_or(0.0)));
+        if let Some(torques) = log.values_mut(&joint.compared()) {
             if let Some(sampling) = &joint.sampling {
                 // A torque that is held from its instant acts half a period later on average.
                 let acted_s: Vec<f64> = clock_s.iter().map(|t| t + 0.5 * sampling.period_s).collect();
@@ -107,7 +102,6 @@ fn smooth_needed(log: &mut Log, robot: &Robot) -> Option<f64> {
             smooth::in_place(&clock_s, torques);
         }
     }
-    floor
 }
 
 impl ScenarioReader<'_> {

@@ -128,7 +128,7 @@ fn noise(problem: &IdentificationProblem) -> SensorNoise {
         let matching = channels.filter(|(_, name)| name.starts_with(begin));
         matching.map(|(log, name)| noise_of(problem, problem.scenario(log), name)).fold(0.0, f64::max)
     };
-    let noise = problem.model().setup.noise;
+    let noise = problem.model().setup.noise.clone();
     let or = |given: f64, estimated: f64| if given > 0.0 { given } else { estimated };
     let position = if noise.position_quantum > 0.0 { noise.position } else { or(noise.position, largest("q_")) };
     SensorNoise { position, gyro_rad_s: or(noise.gyro_rad_s, largest("imu_gyro_")), ..noise }

@@ -23,6 +23,10 @@ impl Effect for EncoderDelay {
         &SPEC
     }
 
+    fn changes_readings(&self) -> bool {
+        true
+    }
+
     fn is_common(&self) -> bool {
         true
     }

@@ -24,6 +24,10 @@ impl Effect for EncoderOffset {
         &SPEC
     }
 
+    fn changes_readings(&self) -> bool {
+        true
+    }
+
     fn encoder(&self, p: &[f64], _memory: &mut [f64], state: &JointInput) -> (f64, f64) {
         (state.q + p[0], state.dq)
     }

@@ -24,6 +24,10 @@ impl Effect for EncoderScale {
         &SPEC
     }
 
+    fn changes_readings(&self) -> bool {
+        true
+    }
+
     fn encoder(&self, p: &[f64], _memory: &mut [f64], state: &JointInput) -> (f64, f64) {
         let gain = 1.0 + p[0];
         (gain * state.q, gain * state.dq)

@@ -52,6 +52,8 @@ class ChannelError(Record):
     """Number of samples present in both the log and the simulation."""
     rmse: float
     """Root mean square error, in `unit`."""
+    error_percent: float | None
+    """Root mean square error in percent of that of the readings; None for a channel of zeros."""
     fit_percent: float | None
     """100·(1 - |e|/|y - mean|), with each log's own mean, in percent; None for a channel that does not change."""
     bias: float

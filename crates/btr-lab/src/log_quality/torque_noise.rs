@@ -1,0 +1,95 @@
+//! Noise floors of the torques of joints whose motion is prescribed.
+//!
+//! Two noises meet there: that of the torque sensor, and that of the positions, which differentiating them twice turns
+//! into torque, by the inertia that each joint feels. The second is what the model's required torques change by when the
+//! positions get as much noise once more. Both torques are smoothed alike before they are compared, which leaves fewer
+//! independent samples; floors are therefore those of white noise that would be as large after the smoothing.
+
+use btr_core::log::Log;
+use btr_core::random::stream;
+use btr_core::signal::noise::NoiseEstimate;
+use btr_core::signal::smooth;
+use btr_core::world::{Simulator, WorldError};
+use btr_physics::drive::Replay;
+use btr_physics::model::{Model, ModelRequest, Scenario};
+use btr_physics::robot::{Actuator, Joint};
+use btr_physics::sensor::add_noise;
+use indexmap::IndexMap;
+use std::sync::Arc;
+
+/// Most samples of a log from which noise is estimated.
+const ENOUGH: usize = 20_000;
+/// The median of the size of normal numbers, in their standard deviation.
+const MEDIAN: f64 = 0.6745;
+
+/// The noise floor of each such torque that the model does not state. `raw` are the training logs as recorded, `logs`
+/// those of the model's scenarios.
+pub(crate) fn floors(model: &Model, raw: &[&Log], logs: &[Log]) -> IndexMap<String, f64> {
+    let unknown = |joint: &&Joint| {
+        joint.actuator == Actuator::Prescribed && model.setup.noise.stated(&joint.compared()).is_none()
+    };
+    let joints: Vec<&Joint> = model.robot.movable().map(|(_, link)| &link.joint).filter(unknown).collect();
+    let Some(longest) = (0..model.learn.min(logs.len())).max_by_key(|k| logs[*k].len()).filter(|_| !joints.is_empty())
+    else {
+        return IndexMap::new();
+    };
+    let log = logs[longest].part(0..logs[longest].len().min(ENOUGH));
+    // A log that cannot be simulated is reported where it is needed.
+    let moved = by_motion(model, &model.scenarios[longest], &log, &joints).unwrap_or_default();
+    let shrinks = shrinks(&log);
+    let floor = |joint: &Joint| {
+        let name = joint.compared();
+        let of_log = |log: &&Log| Some(NoiseEstimate::of(&log.channel(&name)?.values)?.sigma().powi(2));
+        let squares: Vec<f64> = raw.iter().filter_map(of_log).collect();
+        let sensor = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
+        let motion = moved.get(&name).copied().unwrap_or(0.0) / shrinks;
+        (!squares.is_empty()).then(|| (name, sensor.hypot(motion)))
+    };
+    joints.into_iter().filter_map(floor).collect()
+}
+
+/// Standard deviation of the required torques by the noise of the positions.
+fn by_motion(
+    model: &Model,
+    scenario: &Scenario,
+    log: &Log,
+    joints: &[&Joint],
+) -> Result<IndexMap<String, f64>, WorldError> {
+    let s = model.simulations().nominal();
+    let required = |log: &Log| {
+        let replay = Some(Arc::new(Replay::new(log, &model.robot)));
+        let scenario = Scenario { replay, duration_s: log.duration_s(), ..scenario.clone() };
+        model.simulate(ModelRequest::new(&s, &scenario))
+    };
+    let mut noisier = log.clone();
+    for (k, joint) in joints.iter().enumerate() {
+        let name = format!("q_{}", joint.name);
+        if let Some(values) = noisier.values_mut(&name)
+            && let Some(sigma) = model.setup.noise.floor(&name, values)
+        {
+            add_noise(values, sigma, 0.0, &mut stream(0, &[k as u64]));
+        }
+    }
+    let (once, twice) = (required(log)?, required(&noisier)?);
+    let deviation = |joint: &&Joint| {
+        let name = joint.compared();
+        let pairs = once.channel(&name)?.values.iter().zip(&twice.channel(&name)?.values);
+        // Friction turns round where noise changes the sign of a slow motion; the median does not see that.
+        let change = median(pairs.map(|(a, b)| (b - a).abs()).filter(|x| x.is_finite()).collect())?;
+        Some((name, change / MEDIAN))
+    };
+    Ok(joints.iter().filter_map(deviation).collect())
+}
+
+/// The factor by which smoothing on this log's clock shrinks white noise.
+fn shrinks(log: &Log) -> f64 {
+    let mut noise = vec![0.0; log.len()];
+    add_noise(&mut noise, 1.0, 0.0, &mut stream(1, &[]));
+    smooth::in_place(log.clock_s(), &mut noise);
+    median(noise.into_iter().map(f64::abs).filter(|x| x.is_finite()).collect()).map_or(1.0, |middle| middle / MEDIAN)
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
