@@ -172,8 +172,8 @@ impl Model {
     /// The text of the model with effects (`coulomb_friction@knee`) in it, free to fit.
     fn add(&self, effects: Vec<String>) -> PyResult<String> {
         let robot = &self.built.robot;
-        let addition = |text: &String| Addition::all(text, robot).map_err(Raise::raise);
-        let additions = effects.iter().map(addition).collect::<PyResult<Vec<_>>>()?.concat();
+        let addition = |text: &String| Addition::parse(text, robot).map_err(Raise::raise);
+        let additions = effects.iter().map(addition).collect::<PyResult<Vec<_>>>()?;
         if additions.is_empty() {
             return Err(raised("no effect to add", Some("for instance \"coulomb_friction@knee\"".into())));
         }

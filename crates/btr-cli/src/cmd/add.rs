@@ -15,7 +15,7 @@ pub(crate) fn run(args: &AddArgs, global: &Global) -> Result<u8, Failure> {
     guard(OutputKind::Model.at(Some(&args.output)), named_files(&source))?;
     let model = experiment::model(&source)?;
     let additions =
-        args.effects.iter().map(|text| Addition::all(text, &model.robot)).collect::<Result<Vec<_>, _>>()?.concat();
+        args.effects.iter().map(|text| Addition::parse(text, &model.robot)).collect::<Result<Vec<_>, _>>()?;
     let text = add(&source, &model.robot, &additions)?;
     let into = args.output.parent().unwrap_or(&args.output);
     let text = moved(&text, source.folder(), into).map_err(AddError::from)?;

@@ -127,7 +127,7 @@ fn every_shipped_model_and_experiment_is_sound() {
     for file in files {
         if !std::fs::read_to_string(&file).unwrap().contains("[coevolve") {
             // A model alone: every verb that reads one builds it first.
-            let output = lab.run(&format!("add {} viscous_friction -o model.toml", file.display()));
+            let output = lab.run(&format!("add {} coulomb_friction -o model.toml", file.display()));
             assert!(output.status.success(), "{}: {}", file.display(), crate::lab::text(&output.stderr));
             continue;
         }

@@ -94,8 +94,11 @@ struct OwnChannels<'a> {
 
 impl<'a> OwnChannels<'a> {
     fn of(objective: &Objective, state: &'a DiagnosisState) -> Option<Self> {
+        if !objective.description.is_decoupled {
+            return None;
+        }
         let held_out = state.held_out.and_then(|_| objective.residual(&state.fit.u, LogSet::HeldOut).ok());
-        objective.description.is_decoupled.then_some(OwnChannels { learnt: &state.fit.residual, held_out })
+        Some(OwnChannels { learnt: &state.fit.residual, held_out })
     }
 
     /// Whether a rival lowers the sums of squares of its own channels enough; `None` where it acts in all.

@@ -83,9 +83,9 @@ impl VerbInput {
             return Ok(bare);
         }
         let robot = &bare.problem.model().robot;
-        let additions: Vec<Vec<Addition>> =
-            additions.iter().map(|text| Addition::all(text, robot)).collect::<Result<_, _>>()?;
-        let text = add_scaled(&bare.source, bare.problem.scales(), &additions.concat())?;
+        let additions: Vec<Addition> =
+            additions.iter().map(|text| Addition::parse(text, robot)).collect::<Result<_, _>>()?;
+        let text = add_scaled(&bare.source, bare.problem.scales(), &additions)?;
         let Recordings { learn, held_out } = bare.recordings;
         VerbInput::new(Source { text, ..bare.source }, &learn, &held_out)
     }

@@ -18,6 +18,8 @@ pub struct Addition(Kind);
 enum Kind {
     /// An effect at a site.
     Effect(&'static dyn Effect, String),
+    /// An effect at each of these sites that the model does not have it at.
+    Separately(&'static dyn Effect, Vec<String>),
     /// A value that the model states, with its bounds.
     Value(Target, ValueBounds),
 }
@@ -103,26 +105,18 @@ impl AddError {
 }
 
 impl Addition {
-    /// Parses `EFFECT[@SITE]` or the name of a parameter. An effect of joints or links without a site is added at each
-    /// possible one, with values of its own; a pattern (`@*`) shares one value.
-    ///
-    /// # Errors
-    /// See [`parse`](Self::parse).
-    pub fn all(text: &str, robot: &Robot) -> Result<Vec<Self>, AddError> {
-        let effect = effects::find(text).filter(|_| !text.contains('@'));
-        let Some((effect, sites)) = effect.and_then(|effect| Some((effect, separate_sites(effect, robot)?))) else {
-            return Ok(vec![Addition::parse(text, robot)?]);
-        };
-        Ok(sites.into_iter().map(|site| Addition(Kind::Effect(effect, site))).collect())
-    }
-
     /// Parses `EFFECT[@SITE]`, or the name of a parameter such as `mass@LINK` or `armature.inertia@JOINT`: a value that
-    /// the model states. Without a site the effect acts on every possible site.
+    /// the model states. An effect of joints or links without a site is added at each possible one that lacks it, with
+    /// values of its own; a pattern (`@*`) shares one value.
     ///
     /// # Errors
     /// An unknown effect or site; a value that the site does not have.
     pub fn parse(text: &str, robot: &Robot) -> Result<Self, AddError> {
         let (name, site) = text.split_once('@').unwrap_or((text, "*"));
+        let separate = |effect| Some(Addition(Kind::Separately(effect, separate_sites(effect, robot)?)));
+        if let Some(separately) = effects::find(text).and_then(separate) {
+            return Ok(separately);
+        }
         if effects::find(name).is_none() {
             match Target::parse(text, robot) {
                 Ok(target) => return Ok(Addition(Kind::Value(target, ValueBounds::usual(text)))),
@@ -185,6 +179,7 @@ pub(crate) fn add_scaled(source: &Source, scales: &RobotScales, additions: &[Add
     for Addition(kind) in additions {
         match kind {
             Kind::Effect(effect, site) => write_effect(&mut document, scales, *effect, site)?,
+            Kind::Separately(effect, sites) => write_separately(&mut document, scales, *effect, sites)?,
             Kind::Value(target, bounds) => write_value(&mut document, target, *bounds)?,
         }
     }
@@ -208,6 +203,19 @@ fn write_value(document: &mut DocumentMut, target: &Target, bounds: ValueBounds)
         key.leaf_decor_mut().set_prefix(format!("\n# In {}; without a value here, the model's own.\n", target.unit()));
     }
     Ok(())
+}
+
+/// Adds an effect at all sites that lack it; one of them must.
+fn write_separately(
+    document: &mut DocumentMut,
+    scales: &RobotScales,
+    effect: &'static dyn Effect,
+    sites: &[String],
+) -> Result<(), AddError> {
+    let written: Vec<Result<(), AddError>> =
+        sites.iter().map(|site| write_effect(document, scales, effect, site)).collect();
+    let is_new = written.iter().any(Result::is_ok);
+    written.into_iter().find(|result| !matches!(result, Err(AddError::Twice { .. }) if is_new)).unwrap_or(Ok(()))
 }
 
 fn write_effect(
