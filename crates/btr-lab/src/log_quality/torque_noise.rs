@@ -1,9 +1,9 @@
 //! Noise floors of the torques of joints whose motion is prescribed.
 //!
 //! Two noises meet there: that of the torque sensor, and that of the positions, which differentiating them twice turns
-//! into torque, by the inertia that each joint feels. The second is what the model's required torques change by when the
-//! positions get as much noise once more. Both torques are smoothed alike before they are compared, which leaves fewer
-//! independent samples; floors are therefore those of white noise that would be as large after the smoothing.
+//! into torque, by the inertia that each joint feels. The second is what the model's required torques change by when
+//! the positions get as much noise once more. Both torques are smoothed alike before they are compared, which leaves
+//! fewer independent samples; floors are therefore those of white noise that would be as large after the smoothing.
 
 use btr_core::log::Log;
 use btr_core::random::stream;
