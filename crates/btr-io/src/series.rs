@@ -81,16 +81,15 @@ fn check_names(path: &Path, series: &[NamedSeries]) -> Result<(), IoError> {
 }
 
 /// Names of the mapping that are missing in the log. A log in btr's own names (a simulated one) has no foreign names,
-/// so a mapping without any match gives no warnings.
+/// so a mapping without any match gives no warnings, but for columns that mark readings.
 fn unused(mapping: &Mapping, series: &[NamedSeries]) -> Vec<Warning> {
     let named = mapping.channels.iter().map(|(ours, theirs)| (ours.as_str(), theirs.name()));
     let mut expected: Vec<(&str, &str)> = named.filter(|(_, theirs)| !theirs.contains("{joint}")).collect();
     expected.extend(mapping.switch_names().filter(|(_, name)| !name.contains("{joint}")));
     let has = |theirs: &str| series.iter().any(|s| s.source == theirs);
     let foreign = series.iter().any(|s| mapping.meaning(&s.source).is_some());
-    if !foreign {
-        return Vec::new();
-    }
-    let missing = expected.into_iter().filter(|(_, theirs)| !has(theirs));
+    // Without marks, all readings count, the bad ones too.
+    let marks = |ours: &str| ["valid", "suspect"].contains(&ours);
+    let missing = expected.into_iter().filter(|(ours, theirs)| !has(theirs) && (foreign || marks(ours)));
     missing.map(|(ours, theirs)| Warning::MappingUnused { ours: ours.to_owned(), theirs: theirs.to_owned() }).collect()
 }

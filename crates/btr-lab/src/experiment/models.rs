@@ -45,8 +45,8 @@ pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileErr
 pub fn model_replaying(source: &Source, log: impl Into<LogSource>) -> Result<Model, FileError> {
     let (file, log) = (source.parse()?, log.into());
     let builder = Builder::new(&file, source);
-    let whole = LogPiece::whole(log.path(), read(&log, &file)?.log);
     let robot = builder.robot()?;
+    let whole = LogPiece::whole(log.path(), read(&log, &file, &robot)?.log);
     let settings = IndexEntries::of(&file, source)?.settings(log.path(), &robot, source)?;
     let reader = ScenarioReader { file: &file, source, robot: &robot };
     let scenario = Scenario { settings, ..reader.replaying(&whole)? };

@@ -78,7 +78,7 @@ where
     let (mut all, mut recordings) = (ScenarioSet::none(), Recordings::default());
     let mut scenarios = Vec::new();
     for (k, given) in learn.iter().chain(&held_out).enumerate() {
-        let (path, log) = (given.path(), read(given, &file)?);
+        let (path, log) = (given.path(), read(given, &file, &robot)?);
         all.notice(path, log.warnings.iter().cloned().chain(known.misses(path)));
         let settings = known.settings(path, &robot, source)?;
         let (purpose, list) = match k < learn.len() {

@@ -2,8 +2,8 @@
 //!
 //! Two noises meet there: that of the torque sensor, and that of the positions, which differentiating them twice turns
 //! into torque, by the inertia that each joint feels. The second is what the model's required torques change by when
-//! the positions get as much noise once more. Both torques are smoothed alike before they are compared, which leaves
-//! fewer independent samples; floors are therefore those of white noise that would be as large after the smoothing.
+//! the positions get as much noise once more. Both torques are smoothed alike before they are compared; the floor is
+//! what is left of both noises then.
 
 use btr_core::log::Log;
 use btr_core::random::stream;
@@ -22,13 +22,11 @@ const ENOUGH: usize = 20_000;
 /// The median of the size of normal numbers, in their standard deviation.
 const MEDIAN: f64 = 0.6745;
 
-/// The noise floor of each such torque that the model does not state. `raw` are the training logs as recorded, `logs`
-/// those of the model's scenarios.
+/// The noise floor of each such torque; the model may state the noise of the sensor. `raw` are the training logs as
+/// recorded, `logs` those of the model's scenarios.
 pub(crate) fn floors(model: &Model, raw: &[&Log], logs: &[Log]) -> IndexMap<String, f64> {
-    let unknown = |joint: &&Joint| {
-        joint.actuator == Actuator::Prescribed && model.setup.noise.stated(&joint.compared()).is_none()
-    };
-    let joints: Vec<&Joint> = model.robot.movable().map(|(_, link)| &link.joint).filter(unknown).collect();
+    let prescribed = |joint: &&Joint| joint.actuator == Actuator::Prescribed;
+    let joints: Vec<&Joint> = model.robot.movable().map(|(_, link)| &link.joint).filter(prescribed).collect();
     let Some(longest) = (0..model.learn.min(logs.len())).max_by_key(|k| logs[*k].len()).filter(|_| !joints.is_empty())
     else {
         return IndexMap::new();
@@ -36,14 +34,15 @@ pub(crate) fn floors(model: &Model, raw: &[&Log], logs: &[Log]) -> IndexMap<Stri
     let log = logs[longest].part(0..logs[longest].len().min(ENOUGH));
     // A log that cannot be simulated is reported where it is needed.
     let moved = by_motion(model, &model.scenarios[longest], &log, &joints).unwrap_or_default();
-    let shrinks = shrinks(&log);
+    let left = left_by_smoothing(&log);
     let floor = |joint: &Joint| {
         let name = joint.compared();
         let of_log = |log: &&Log| Some(NoiseEstimate::of(&log.channel(&name)?.values)?.sigma().powi(2));
         let squares: Vec<f64> = raw.iter().filter_map(of_log).collect();
-        let sensor = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
-        let motion = moved.get(&name).copied().unwrap_or(0.0) / shrinks;
-        (!squares.is_empty()).then(|| (name, sensor.hypot(motion)))
+        let estimated = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
+        let sensor = model.setup.noise.stated(&name).unwrap_or(estimated);
+        let motion = moved.get(&name).copied().unwrap_or(0.0);
+        (!squares.is_empty()).then(|| (name, (left * sensor).hypot(motion)))
     };
     joints.into_iter().filter_map(floor).collect()
 }
@@ -81,8 +80,8 @@ fn by_motion(
     Ok(joints.iter().filter_map(deviation).collect())
 }
 
-/// The factor by which smoothing on this log's clock shrinks white noise.
-fn shrinks(log: &Log) -> f64 {
+/// The share of white noise that smoothing on this log's clock leaves.
+fn left_by_smoothing(log: &Log) -> f64 {
     let mut noise = vec![0.0; log.len()];
     add_noise(&mut noise, 1.0, 0.0, &mut stream(1, &[]));
     smooth::in_place(log.clock_s(), &mut noise);

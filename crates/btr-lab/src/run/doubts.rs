@@ -7,7 +7,7 @@ use btr_core::coevolve::{Entry, TestVerdict};
 use btr_core::log::Log;
 use btr_core::world::{Behaviour, Simulator};
 use btr_identify::quality::{FEWEST_SAMPLES, Finding, Severity, Topic, check_references, find_glitches};
-use btr_physics::robot::{Joint, Robot};
+use btr_physics::robot::{Base, Joint, Robot};
 use btr_physics::sensor::SensorNoise;
 use serde::Serialize;
 
@@ -182,8 +182,9 @@ fn absent(experiment: &Experiment, log: &Log) -> Option<Finding> {
 }
 
 fn recorded_badly(experiment: &Experiment, real: &Behaviour) -> Vec<Finding> {
-    let glitches = find_glitches(&real.log);
-    let quality = quality(&real.log, glitches, &experiment.model.robot, &experiment.model.setup.noise);
+    let (robot, noise) = (&experiment.model.robot, &experiment.model.setup.noise);
+    let glitches = if robot.base == Base::Fixed { find_glitches(&real.log) } else { Vec::new() };
+    let quality = quality(&real.log, glitches, robot, noise);
     let of_recording = [Topic::Clock, Topic::Missing, Topic::Dead, Topic::Unit, Topic::Sign, Topic::CommandLag];
     let bad = |finding: &Finding| finding.severity == Severity::Bad && of_recording.contains(&finding.topic);
     let told = |finding: &&Finding| bad(finding) || finding.topic == Topic::Glitches;

@@ -15,7 +15,7 @@ pub fn repeated_rows(clock_s: &[f64], channels: &[&[f64]]) -> Vec<Range<usize>> 
     let Some(step_s) = median_step_s(clock_s).filter(|_| channels.len() >= FEWEST) else { return Vec::new() };
     let sigmas: Vec<Option<f64>> =
         channels.iter().map(|values| deviation(clock_s, values, resolution(values)?)).collect();
-    let repeats = |i: usize| channels.iter().all(|values| is_same(values[i], values[i - 1]));
+    let repeats = |i: usize| channels.iter().all(|values| values[i].is_finite() && is_same(values[i], values[i - 1]));
     let is_lost = |run: &Range<usize>| {
         let (before, after) = (run.start - 1, run.end);
         if after >= clock_s.len() || clock_s[after] - clock_s[before] > (run.len() as f64 + 2.5) * step_s {

@@ -6,10 +6,12 @@ use crate::experiment::source::FileError;
 use crate::log_quality::usable;
 use btr_core::text::Text;
 use btr_identify::quality::{find_glitches, leave_out_glitches};
+use btr_physics::robot::{Base, Robot};
 use std::path::Path;
 
-/// Reads a log, leaves out its glitches, and rejects one that cannot be used.
-pub(crate) fn read(source: &LogSource, file: &File) -> Result<ReadLog, FileError> {
+/// Reads a log of a robot, leaves out its glitches, and rejects one that cannot be used. Robots that walk have impacts,
+/// which look like glitches on a slow clock: their readings are all kept.
+pub(crate) fn read(source: &LogSource, file: &File, robot: &Robot) -> Result<ReadLog, FileError> {
     let (mut log, warnings) = match source {
         LogSource::Read(known) => return Ok(known.clone()),
         LogSource::File(path) => btr_io::read_recorded(path, &file.channels).map_err(|e| unreadable(&e))?,
@@ -20,7 +22,11 @@ pub(crate) fn read(source: &LogSource, file: &File) -> Result<ReadLog, FileError
     };
     usable::check_clock(&log).map_err(|e| about(source.path(), &e.message, e.help.map(Text::from)))?;
     let warnings = warnings.iter().map(ToString::to_string).collect();
-    let glitches = if file.channels.keep_glitches { find_glitches(&log) } else { leave_out_glitches(&mut log) };
+    let glitches = match (robot.base, file.channels.keep_glitches) {
+        (Base::Floating, _) => Vec::new(),
+        (Base::Fixed, true) => find_glitches(&log),
+        (Base::Fixed, false) => leave_out_glitches(&mut log),
+    };
     Ok(ReadLog { path: source.path().to_owned(), log, glitches, warnings })
 }
 
