@@ -26,7 +26,7 @@ pub struct Mapping {
     /// A channel of 0 and 1; where it is 0, readings are left out. `{joint}` makes it one per joint.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub valid: Option<String>,
-    /// The opposite of `valid`: where it is not 0, readings are left out.
+    /// The opposite of `valid`: where it is 1, readings are left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub suspect: Option<String>,
     /// Whether readings that no motion explains are kept; they are left out by default.

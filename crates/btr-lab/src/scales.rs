@@ -6,7 +6,7 @@ use btr_core::world::{Simulator, WorldError};
 use btr_physics::engine::turned_inertia;
 use btr_physics::model::Model;
 use btr_physics::robot::site::instance;
-use btr_physics::robot::{Actuator, JointKind, Robot};
+use btr_physics::robot::{JointKind, Robot};
 
 /// The desk arm to which the hints of the effect specs refer.
 const DESK: JointScale = JointScale { torque: 1.0, speed: 3.0, inertia: 0.02, mass: 0.5, length: 0.2 };
@@ -44,8 +44,8 @@ impl RobotScales {
         let simulated = (0..model.learn.min(recorded.len())).map(|log| model.simulate(model.request(&nominal, log)));
         let mut simulated = simulated.collect::<Result<Vec<Log>, _>>()?;
         for (simulated, recorded) in simulated.iter_mut().zip(recorded) {
-            for (_, link) in model.robot.movable().filter(|(_, link)| link.joint.actuator == Actuator::Prescribed) {
-                let name = link.joint.compared();
+            for joint in model.robot.prescribed() {
+                let name = joint.compared();
                 let Some(measured) = recorded.channel(&name) else { continue };
                 let Some(required) = simulated.values_mut(&name) else { continue };
                 let (measured, model) = (rms(&measured.values), rms(required));

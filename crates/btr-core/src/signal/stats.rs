@@ -11,6 +11,20 @@ pub fn std(x: &[f64]) -> f64 {
     (x.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / x.len() as f64).sqrt()
 }
 
+/// The value below which this share of the values lies; `None` of nothing.
+pub fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
+    let at = ((share * values.len() as f64) as usize).min(values.len().saturating_sub(1));
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(at, f64::total_cmp).1)
+}
+
+/// Standard deviation of errors around zero by the median of their sizes, as if they were normal: a few large ones
+/// hardly change it. NaN are missing; `None` of nothing.
+pub fn robust_std(errors: impl Iterator<Item = f64>) -> Option<f64> {
+    /// The median of the size of normal numbers, in their standard deviation.
+    const MEDIAN: f64 = 0.6745;
+    Some(quantile(errors.map(f64::abs).filter(|size| size.is_finite()).collect(), 0.5)? / MEDIAN)
+}
+
 /// Kendall's tau-b: how far two rankings agree, from -1 (reversed) to 1 (the same); ties are allowed.
 /// M. G. Kendall, "The treatment of ties in ranking problems", Biometrika 33, 1945.
 ///

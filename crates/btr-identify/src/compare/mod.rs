@@ -1,8 +1,8 @@
 //! Differences between simulation and measurement: per channel, and per joint and regime of motion.
 //!
 //! Works on logs alone and knows nothing of robots: a joint is whatever has a channel `q_<joint>`. It is judged by its
-//! position, or by its torque where positions are not compared. Errors are measured minus simulated.
-//! Samples that are missing on either side are skipped, never interpolated over.
+//! position, or by its torque where positions are not compared. Errors are measured minus simulated. Samples that are
+//! missing on either side are skipped, never interpolated over.
 
 mod clue;
 mod clue_series;
@@ -52,11 +52,11 @@ pub fn compare(episodes: &[LogPair], floor: impl Fn(&str, &[f64], &[f64]) -> Opt
             has_values.then_some(ChannelResidual { log, channel, unit, simulated, error, floor })
         }));
     }
-    let is_judged_by = |r: &ChannelResidual| match r.channel.strip_prefix("tau_") {
+    let judges_its_joint = |r: &ChannelResidual| match r.channel.strip_prefix("tau_") {
         Some(joint) => residuals.iter().all(|other| other.channel.strip_prefix("q_") != Some(joint)),
         None => true,
     };
-    let judged = residuals.iter().filter(|r| is_judged_by(r));
+    let judged = residuals.iter().filter(|r| judges_its_joint(r));
     let tracks: Vec<JointTrack> = judged.filter_map(|r| track(r, &episodes[r.log])).collect();
     let mut by_channel: IndexMap<&str, Vec<&ChannelResidual>> = IndexMap::new();
     residuals.iter().for_each(|r| by_channel.entry(&r.channel).or_default().push(r));

@@ -128,7 +128,7 @@ impl IdentificationProblem {
     /// joint's torque balances what acts in the joint; otherwise, in windows, those of the limb.
     fn shows_in(&self, site: &str) -> Vec<String> {
         let (site, _) = instance(site);
-        if self.is_decoupled() {
+        if self.model.robot.is_prescribed() {
             let joint = self.model.robot.movable().map(|(_, link)| &link.joint).find(|joint| joint.name == site);
             return joint.map(Joint::compared).into_iter().collect();
         }

@@ -8,7 +8,6 @@ use btr_identify::residual_model::{EffectCandidate, FitParameter, LawTerm, Recor
 use btr_physics::effects::Effect;
 use btr_physics::model::parameter::Target;
 use btr_physics::model::{Model, Scenario};
-use btr_physics::robot::{Actuator, Base};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -86,12 +85,6 @@ impl IdentificationProblem {
     /// The scenarios of the training logs.
     pub(crate) fn learnt(&self) -> Vec<usize> {
         self.parts.iter().filter(|part| !part.held_out).map(|part| part.scenario).collect()
-    }
-
-    /// Whether the motion of all joints is prescribed: what acts in a joint shows in its own torque alone.
-    pub(crate) fn is_decoupled(&self) -> bool {
-        let mut joints = self.model.robot.movable().map(|(_, link)| &link.joint);
-        self.model.robot.base == Base::Fixed && joints.all(|joint| joint.actuator == Actuator::Prescribed)
     }
 
     /// Whether all joints stay within their range in the logs, widened by a share of it.

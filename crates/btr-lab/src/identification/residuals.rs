@@ -35,7 +35,7 @@ impl ResidualModel for IdentificationProblem {
             order: self.model.order(),
             has_contact: self.model.has_contact(),
             is_chaotic: self.is_chaotic(),
-            is_decoupled: self.is_decoupled(),
+            is_decoupled: self.model.robot.is_prescribed(),
             ..ModelDescription::new(self.parameters.clone(), self.logs.clone())
         }
     }

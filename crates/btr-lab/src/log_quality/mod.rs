@@ -1,5 +1,6 @@
-//! Quality of logs for a robot. [`usable`] has the errors that reject a log, [`robot`] the findings of `btr check`, and
-//! [`coverage`] the checks over all logs of a command.
+//! Quality of logs for a robot. [`usable`] has the errors that reject a log, [`robot`] the findings of `btr check`,
+//! [`coverage`] the checks over all logs of a command, [`beside_model`] glitches that show beside a simulation, and
+//! [`torque_noise`] the noise floors of torques.
 
 pub(crate) mod beside_model;
 pub(crate) mod coverage;

@@ -9,24 +9,22 @@ use btr_core::log::Log;
 use btr_core::random::stream;
 use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::smooth;
+use btr_core::signal::stats::robust_std;
 use btr_core::world::{Simulator, WorldError};
 use btr_physics::drive::Replay;
 use btr_physics::model::{Model, ModelRequest, Scenario};
-use btr_physics::robot::{Actuator, Joint};
+use btr_physics::robot::Joint;
 use btr_physics::sensor::add_noise;
 use indexmap::IndexMap;
 use std::sync::Arc;
 
 /// Most samples of a log from which noise is estimated.
 const ENOUGH: usize = 20_000;
-/// The median of the size of normal numbers, in their standard deviation.
-const MEDIAN: f64 = 0.6745;
 
 /// The noise floor of each such torque; the model may state the noise of the sensor. `raw` are the training logs as
 /// recorded, `logs` those of the model's scenarios.
 pub(crate) fn floors(model: &Model, raw: &[&Log], logs: &[Log]) -> IndexMap<String, f64> {
-    let prescribed = |joint: &&Joint| joint.actuator == Actuator::Prescribed;
-    let joints: Vec<&Joint> = model.robot.movable().map(|(_, link)| &link.joint).filter(prescribed).collect();
+    let joints: Vec<&Joint> = model.robot.prescribed().collect();
     let Some(longest) = (0..model.learn.min(logs.len())).max_by_key(|k| logs[*k].len()).filter(|_| !joints.is_empty())
     else {
         return IndexMap::new();
@@ -73,9 +71,8 @@ fn by_motion(
     let deviation = |joint: &&Joint| {
         let name = joint.compared();
         let pairs = once.channel(&name)?.values.iter().zip(&twice.channel(&name)?.values);
-        // Friction turns round where noise changes the sign of a slow motion; the median does not see that.
-        let change = median(pairs.map(|(a, b)| (b - a).abs()).filter(|x| x.is_finite()).collect())?;
-        Some((name, change / MEDIAN))
+        // Where noise changes the sign of a slow motion, friction changes its sign as well: those samples are outliers.
+        Some((name, robust_std(pairs.map(|(a, b)| b - a))?))
     };
     Ok(joints.iter().filter_map(deviation).collect())
 }
@@ -85,10 +82,5 @@ fn left_by_smoothing(log: &Log) -> f64 {
     let mut noise = vec![0.0; log.len()];
     add_noise(&mut noise, 1.0, 0.0, &mut stream(1, &[]));
     smooth::in_place(log.clock_s(), &mut noise);
-    median(noise.into_iter().map(f64::abs).filter(|x| x.is_finite()).collect()).map_or(1.0, |middle| middle / MEDIAN)
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+    robust_std(noise.into_iter()).unwrap_or(1.0)
 }

@@ -8,7 +8,7 @@ use btr_identify::compare;
 use btr_identify::compare::{ChannelError, Comparison, LogPair, RegimeCell};
 use btr_identify::fit::{extrapolation, finer_step};
 use btr_identify::residual_model::TimeStep;
-use btr_physics::robot::{Actuator, Base, Joint};
+use btr_physics::robot::Base;
 use indexmap::IndexMap;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -71,9 +71,8 @@ fn comparison(replays: &Replays, simulated: &[Log]) -> Comparison {
         scenarios.map(|((scenario, real), simulated)| LogPair { name: &scenario.name, real, simulated }).collect();
     // A joint whose motion is prescribed is where it was measured, but for smoothing.
     let given = |channel: &str| {
-        let prescribed = |joint: &Joint| joint.actuator == Actuator::Prescribed;
-        let mut joints = model.robot.movable().map(|(_, link)| &link.joint).filter(|joint| prescribed(joint));
-        joints.any(|joint| channel == format!("q_{}", joint.name) || channel == format!("dq_{}", joint.name))
+        let motion = channel.strip_prefix("q_").or_else(|| channel.strip_prefix("dq_"));
+        model.robot.prescribed().any(|joint| motion == Some(&joint.name))
     };
     let floor = |channel: &str, readings: &[f64], simulated: &[f64]| match model.robot.base {
         _ if given(channel) => None,

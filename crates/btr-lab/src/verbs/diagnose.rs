@@ -36,7 +36,7 @@ impl VerbInput {
     /// usual one; a floating robot, whose contacts take many tries, has none.
     pub fn options(&self, max_effects: Option<usize>, max_rollouts: Option<usize>) -> DiagnoseOptions {
         let robot = &self.problem.model().robot;
-        let questions = if self.problem.is_decoupled() { robot.movable().count() } else { 1 };
+        let questions = if robot.is_prescribed() { robot.movable().count() } else { 1 };
         let max_effects = max_effects.unwrap_or(USUAL_EFFECTS * questions);
         let joints = robot.movable().count().max(FEWEST_JOINTS);
         let usual = if robot.base == Base::Fixed {

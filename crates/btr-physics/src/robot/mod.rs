@@ -225,6 +225,16 @@ impl Robot {
         self.links.iter().enumerate().skip(1).filter(|(_, link)| link.joint.kind != JointKind::Fixed)
     }
 
+    /// The joints whose motion is prescribed: what is simulated of them is their torque.
+    pub fn prescribed(&self) -> impl Iterator<Item = &Joint> {
+        self.movable().map(|(_, link)| &link.joint).filter(|joint| joint.actuator == Actuator::Prescribed)
+    }
+
+    /// Whether the motion of the whole robot is prescribed: what acts in a joint shows in its own torque alone.
+    pub fn is_prescribed(&self) -> bool {
+        self.base == Base::Fixed && self.prescribed().count() == self.movable().count()
+    }
+
     /// The joints that follow other existing joints.
     pub fn followers(&self) -> Vec<Follower> {
         let place = |name: &str| self.movable().position(|(_, link)| link.joint.name == name);

@@ -1,12 +1,11 @@
 //! How well readings are predicted by their neighbours.
 
 use crate::signal::noise::NoiseEstimate;
+use crate::signal::stats::{quantile, robust_std};
 
 /// Deviation of the difference between a reading with white noise and its prediction by the two readings on each side,
 /// whose weights are 2/3 and -1/6, in standard deviations of the noise.
 const PREDICTION: f64 = 1.394;
-/// The median of the size of normal numbers, in their standard deviation.
-const MEDIAN: f64 = 0.6745;
 /// Least standard deviation, as a share of the range of nine in ten readings.
 const FINEST: f64 = 1e-5;
 /// Share of the steps between two readings that are as small as the encoder's, ...
@@ -21,10 +20,9 @@ pub(super) fn deviation(clock_s: &[f64], values: &[f64], resolution: f64) -> Opt
     let by_blocks = NoiseEstimate::of(values)?.sigma();
     let departs = |i: usize| {
         let nodes = [i, i + 1, i + 3, i + 4].map(|k| (clock_s[k], values[k]));
-        (values[i + 2] - lagrange(clock_s[i + 2], &nodes)).abs()
+        values[i + 2] - lagrange(clock_s[i + 2], &nodes)
     };
-    let departures = (0..values.len().saturating_sub(4)).map(departs).filter(|x| x.is_finite());
-    let by_samples = quantile(departures.collect(), 0.5)? / (MEDIAN * PREDICTION);
+    let by_samples = robust_std((0..values.len().saturating_sub(4)).map(departs))? / PREDICTION;
     Some(by_samples.min(by_blocks).max(resolution))
 }
 
@@ -37,12 +35,6 @@ pub(super) fn resolution(readings: &[f64]) -> Option<f64> {
     let assumed = std::f64::consts::TAU / 4096.0;
     let step = if steps.len() > FEW { quantile(steps, SMALL)? } else { assumed };
     Some(least.max(step / 12.0_f64.sqrt()))
-}
-
-/// The value below which this share of the values lie.
-pub(super) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
-    let at = (share * values.len() as f64) as usize;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(at, f64::total_cmp).1)
 }
 
 /// The polynomial through points of increasing time, at another time (J.-L. Lagrange).
@@ -61,4 +53,11 @@ pub(super) fn is_same(a: f64, b: f64) -> bool {
 
 pub(super) fn median_step_s(clock_s: &[f64]) -> Option<f64> {
     quantile(clock_s.windows(2).map(|pair| pair[1] - pair[0]).collect(), 0.5)
+}
+
+/// Most samples of a glitch on a clock of this step.
+pub(super) fn longest(step_s: f64) -> usize {
+    /// In s, and in samples of a slow log.
+    const LONGEST: (f64, usize) = (0.05, 3);
+    ((LONGEST.0 / step_s).round() as usize).max(LONGEST.1)
 }

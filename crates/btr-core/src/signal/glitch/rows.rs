@@ -1,7 +1,6 @@
 //! Rows of a log that repeat the row before in every channel: a message that was lost.
 
-use super::longest;
-use super::prediction::{deviation, is_same, median_step_s, resolution};
+use super::prediction::{deviation, is_same, longest, median_step_s, resolution};
 use std::ops::Range;
 
 /// Least departure of a channel in a repeated row from the line between its neighbours, in deviations of its noise.

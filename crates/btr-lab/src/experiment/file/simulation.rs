@@ -1,6 +1,6 @@
 //! `[simulation]` and `[noise]`.
 
-use btr_physics::robot::{Actuator, Base, Robot};
+use btr_physics::robot::Robot;
 use btr_physics::setup::EngineName;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
@@ -59,10 +59,8 @@ impl Default for SimulationSection {
 impl SimulationSection {
     /// Physics steps in a control period of `control_s` of this robot. A prescribed motion needs no finer steps.
     pub(crate) fn steps(&self, control_s: f64, robot: &Robot) -> u32 {
-        let mut joints = robot.movable().map(|(_, link)| &link.joint);
-        let is_prescribed = robot.base == Base::Fixed && joints.all(|joint| joint.actuator == Actuator::Prescribed);
         self.steps_per_control.unwrap_or_else(|| match self.control_s {
-            _ if is_prescribed => 1,
+            _ if robot.is_prescribed() => 1,
             Some(_) => USUAL_STEPS,
             None => (control_s / LONG_STEP_S).ceil().clamp(1.0, f64::from(USUAL_STEPS)) as u32,
         })

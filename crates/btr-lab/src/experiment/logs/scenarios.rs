@@ -13,7 +13,7 @@ use btr_core::signal::smooth;
 use btr_physics::drive::Replay;
 use btr_physics::model::Scenario;
 use btr_physics::model::parameter::Target;
-use btr_physics::robot::{Actuator, Robot};
+use btr_physics::robot::Robot;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -90,8 +90,7 @@ impl ScenarioSet {
 /// that both have the same bandwidth.
 fn smooth_needed(log: &mut Log, robot: &Robot) {
     let clock_s = log.clock_s().to_vec();
-    let joints = robot.movable().map(|(_, link)| &link.joint);
-    for joint in joints.filter(|joint| joint.actuator == Actuator::Prescribed) {
+    for joint in robot.prescribed() {
         if let Some(torques) = log.values_mut(&joint.compared()) {
             if let Some(sampling) = &joint.sampling {
                 // A torque that is held from its instant acts half a period later on average.
