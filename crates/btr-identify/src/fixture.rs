@@ -41,7 +41,14 @@ impl SyntheticModel {
 }
 
 fn log(rows: usize) -> RecordedLog {
-    let channel = MeasuredChannel { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 1.0, samples: 0..rows };
+    let channel = MeasuredChannel {
+        name: "q".to_owned(),
+        unit: "rad".to_owned(),
+        sigma: 1.0,
+        sensor: 1.0,
+        offset_differs: false,
+        samples: 0..rows,
+    };
     RecordedLog { name: "log".to_owned(), held_out: false, channels: vec![channel], present: rows }
 }
 

@@ -43,7 +43,7 @@
 //!     reach: 0.05,
 //!     amplitude: false,
 //! };
-//! let channel = MeasuredChannel { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 0.001, samples: 0..100 };
+//! let channel = MeasuredChannel { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 0.001, sensor: 0.001, offset_differs: false, samples: 0..100 };
 //! let log = RecordedLog { name: "ramp".to_owned(), held_out: false, channels: vec![channel], present: 100 };
 //! let model = Linear(ModelDescription::new(vec![gain], vec![log]));
 //!

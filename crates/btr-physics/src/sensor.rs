@@ -24,6 +24,55 @@ pub struct SensorNoise {
     pub position_quantum: f64,
     /// Of single channels, in their units, instead of that of their kind.
     pub channels: IndexMap<String, f64>,
+    /// What a model of the robot cannot predict, beyond the sensors' noise.
+    pub unpredictable: Unpredictable,
+}
+
+/// What differs between runs of the same command, and so cannot be predicted.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Unpredictable {
+    /// Standard deviation of joint positions, as stated, in rad (m); 0 where it is not.
+    pub position: f64,
+    /// Of motor torques, in N·m (N).
+    pub torque: f64,
+    /// By channel, as measured: the whole spread of a run, the sensor's noise included.
+    pub channels: IndexMap<String, RunNoise>,
+}
+
+/// The spread of the runs of a command, as measured in a channel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunNoise {
+    /// Standard deviation of a run, in the channel's unit; without its offset where that is known.
+    pub sigma: f64,
+    /// Standard deviation of the offset of a whole run, where that is a good part of what differs.
+    pub offset: Option<f64>,
+    /// Number of independent differences that it was estimated from.
+    pub freedom: f64,
+    /// Samples per independent one.
+    pub memory: f64,
+    /// Squared correlations with the departures of each channel that has a spread, in their order.
+    pub shared: Vec<f64>,
+}
+
+impl Unpredictable {
+    /// Whether a whole run of a channel has an offset of its own.
+    pub fn has_offsets(&self, channel: &str) -> bool {
+        self.channels.get(channel).is_some_and(|noise| noise.offset.is_some())
+    }
+
+    /// The standard deviation of a channel's readings from what the best model predicts, where its sensor has this
+    /// noise floor. What the model states counts rather than what was measured.
+    pub fn beside(&self, channel: &str, floor: f64) -> f64 {
+        let stated = match channel.split_once('_') {
+            Some(("q", _)) => self.position,
+            Some(("tau", _)) => self.torque,
+            _ => 0.0,
+        };
+        match self.channels.get(channel).filter(|_| stated <= 0.0) {
+            Some(measured) => measured.sigma.max(floor),
+            None => floor.hypot(stated),
+        }
+    }
 }
 
 impl SensorNoise {

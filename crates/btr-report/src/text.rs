@@ -4,7 +4,7 @@ use crate::Subject;
 use crate::table::{maybe, number};
 use btr_identify::compare::ChannelError;
 use btr_identify::diagnose::Verdict;
-use btr_identify::fit::Estimate;
+use btr_identify::fit::{Degree, Estimate, RemainingError};
 use btr_identify::quality::Severity;
 use btr_identify::residual_model::TimeStep;
 use btr_lab::verbs::{CompareReport, CorrectedValue, DiagnoseReport, Doubt, NoiseFloor, Support};
@@ -53,6 +53,50 @@ pub fn floors(floors: &[NoiseFloor]) -> String {
     let assumed = |floor: &NoiseFloor| if floor.assumed { " (assumed: its readings show no noise)" } else { "" };
     let each = floors.iter().map(|f| format!("{} {} {}{}", f.channel, number(f.sigma), f.unit, assumed(f)));
     format!("noise floor: {}", each.collect::<Vec<_>>().join(", "))
+}
+
+/// Where runs of the same command differ by more than the sensors' noise: by how much in each channel.
+pub fn repeatability(floors: &[NoiseFloor]) -> Option<String> {
+    let known = floors.iter().filter_map(|floor| Some((floor, floor.repeatability?)));
+    let each: Vec<String> = known
+        .map(|(floor, spread)| {
+            let times = number(spread / floor.sigma);
+            let offset = floor.run_offset.map_or_else(String::new, |offset| {
+                format!(" and an offset per run of {} {}, which is left open", number(offset), floor.unit)
+            });
+            format!("{} {} {} ({times} x noise floor){offset}", floor.channel, number(spread), floor.unit)
+        })
+        .collect();
+    let of = "repeatability, how far runs of the same command differ";
+    (!each.is_empty()).then(|| format!("{of}: {}; errors are in multiples of it", each.join(", ")))
+}
+
+/// The same for a comparison, with the error in multiples of it.
+pub fn runs_differ(outcome: &CompareReport) -> Option<String> {
+    let channel = |c: &ChannelError| {
+        let spread = outcome.repeatability(&c.name)?;
+        Some(format!("{} {} {} (error {} x)", c.name, number(spread), c.unit, number(c.rmse / spread)))
+    };
+    let each: Vec<String> = outcome.comparison.channels.iter().filter_map(channel).collect();
+    let of = "repeatability, how far runs of the same command differ";
+    (!each.is_empty()).then(|| format!("{of}: {}", each.join(", ")))
+}
+
+/// Header of a table of what is left.
+pub const REMAINING: [&str; 5] = ["left in", "unit", "rmse", "x noise floor", "x repeatability"];
+
+/// The table row of what is left in a channel, under [`REMAINING`].
+pub fn remaining(left: &RemainingError) -> Vec<String> {
+    let (rmse, noise) = (number(left.rmse), number(left.x_noise_floor));
+    vec![left.channel.clone(), left.unit.clone(), rmse, noise, maybe(left.x_repeatability)]
+}
+
+/// What remains where an error is explained, as it completes a sentence.
+pub fn what_remains(degree: Degree) -> &'static str {
+    match degree {
+        Degree::ExplainedToRepeatability => "what remains is no more than runs of the same command differ by",
+        _ => "what remains is noise",
+    }
 }
 
 /// The integrator's own error and its time step.

@@ -8,7 +8,7 @@ use btr_lab::experiment;
 use btr_lab::experiment::CheckedLog;
 use btr_lab::failure::Failure;
 use btr_lab::verbs;
-use btr_lab::verbs::IdentifiabilityReport;
+use btr_lab::verbs::{IdentifiabilityReport, RepeatReport};
 use btr_report::table::{Table, maybe, number};
 use btr_report::text::word;
 
@@ -21,6 +21,7 @@ pub(crate) fn run(args: &CheckArgs, global: &Global) -> Result<u8, Failure> {
     } else {
         report.warnings.iter().filter(|_| !global.quiet).for_each(|warning| eprintln!("warning: {warning}"));
         report.logs.iter().for_each(|log| println!("{}\n", text(log, global.verbose)));
+        println!("{}\n", repeatability(&report.repeatability));
         println!("{}", identifiability(&report.identifiability));
     }
     let bad = report.logs.iter().any(|log| log.quality.worst() == Severity::Bad);
@@ -38,6 +39,41 @@ fn text(CheckedLog { log, quality }: &CheckedLog, verbose: bool) -> String {
         }
         lines.push(table.render());
     }
+    lines.join("\n")
+}
+
+/// How far runs of the same command differ.
+fn repeatability(report: &RepeatReport) -> String {
+    let mut lines: Vec<String> =
+        report.runs.iter().map(|runs| format!("runs of one command: {}", runs.join(", "))).collect();
+    if !report.channels.is_empty() {
+        let mut table =
+            Table::new(&["runs differ in", "unit", "by", "x noise floor", "offsets", "half below Hz", "most"]);
+        for c in &report.channels {
+            let most = c
+                .regimes
+                .first()
+                .map_or_else(String::new, |most| format!("{} ({})", most.regime.words(), number(most.repeatability)));
+            let times = number(c.repeatability / c.noise_floor);
+            let numbers = [number(c.repeatability), times, number(c.offset), maybe(c.half_below_hz)];
+            table.row([c.channel.clone(), c.unit.clone()].into_iter().chain(numbers).chain([most]).collect());
+        }
+        lines.push(table.render());
+    }
+    lines.extend(report.outliers.iter().map(|run| {
+        format!(
+            "{} differs far more from the others of its command in {}: was something else different?",
+            run.log, run.channel
+        )
+    }));
+    lines.extend(report.drifts.iter().map(|drift| {
+        format!(
+            "the runs {} change in one direction ({:.0} % of what differs): does the robot warm up?",
+            drift.logs.join(", "),
+            100.0 * drift.share
+        )
+    }));
+    lines.extend(report.advice.clone());
     lines.join("\n")
 }
 

@@ -3,12 +3,13 @@
 use crate::args::{Global, Reading};
 use crate::exit::INTERRUPTED;
 use btr_identify::LadderStep;
+use btr_identify::fit::RemainingError;
 use btr_io::{IoError, write_whole};
 use btr_lab::experiment;
 use btr_lab::experiment::{Replays, Source};
 use btr_lab::failure::Failure;
 use btr_lab::verbs;
-use btr_lab::verbs::Doubt;
+use btr_lab::verbs::{Doubt, ErrorUnit, NoiseFloor};
 use btr_report::table::{Table, number};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -62,21 +63,30 @@ pub(crate) fn watch_for_interrupts(now: &'static str) -> Result<Arc<AtomicBool>,
 }
 
 /// Prints a ladder step on stderr.
-pub(crate) fn tell(step: &LadderStep, global: &Global) {
+pub(crate) fn tell(step: &LadderStep, unit: ErrorUnit, global: &Global) {
     if !global.quiet {
         let held_out = step.held_out.map_or(String::new(), |x| format!(", {} held out", number(x)));
-        eprintln!("{:<44} {} x noise floor{held_out}", step.step, number(step.train));
+        eprintln!("{:<44} {} x {}{held_out}", step.step, number(step.train), unit.name());
     }
 }
 
 /// The error ladder as a table.
-pub(crate) fn table(ladder: &[LadderStep]) -> Table {
-    let mut table = Table::new(&["step", "error (x noise floor)", "held out"]);
+pub(crate) fn table(ladder: &[LadderStep], unit: ErrorUnit) -> Table {
+    let mut table = Table::new(&["step", &format!("error (x {})", unit.name()), "held out"]);
     for step in ladder {
         let held_out = step.held_out.map_or("-".to_owned(), number);
         table.row(vec![step.step.clone(), number(step.train), held_out]);
     }
     table
+}
+
+/// Where runs of the same command count: how far they differ, and what is left beside that and the noise.
+pub(crate) fn show_repeatability(floors: &[NoiseFloor], remaining: &[RemainingError]) {
+    let Some(sentence) = btr_report::text::repeatability(floors) else { return };
+    println!("{sentence}");
+    let mut table = Table::new(&btr_report::text::REMAINING);
+    remaining.iter().for_each(|left| table.row(btr_report::text::remaining(left)));
+    println!("\n{}", table.render());
 }
 
 /// Writes a text file, whole or not at all.

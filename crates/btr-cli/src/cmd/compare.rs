@@ -52,6 +52,7 @@ fn text(outcome: &CompareReport, most: usize) -> String {
     });
     let mut lines = vec![channels.render(), String::new()];
     lines.extend(LEGEND.map(str::to_owned));
+    lines.extend(btr_report::text::runs_differ(outcome));
     let not_judged = outcome.replays.not_judged();
     if !not_judged.is_empty() {
         lines.push(btr_report::text::unmeasured(&not_judged));

@@ -5,6 +5,7 @@ use super::common::{announce, watch_for_interrupts, write_report, write_text};
 use crate::args::{DiagnoseArgs, Global};
 use crate::exit::{DONE, INTERRUPTED, MISSED};
 use btr_identify::diagnose::Verdict;
+use btr_identify::fit::Degree;
 use btr_io::Meta;
 use btr_lab::failure::Failure;
 use btr_lab::output::{OutputKind, Overwrite, guard, inputs};
@@ -13,7 +14,7 @@ use btr_lab::verbs::{DiagnoseReport, Support, VerbInput};
 use btr_report::Subject;
 use btr_report::html;
 use btr_report::table::{Table, number};
-use btr_report::text::{evidence, findings, fit_command};
+use btr_report::text::{evidence, findings, fit_command, what_remains};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -28,7 +29,8 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     let (replays, doubts) = common::replays(&source, &args.logs_args.logs, &args.logs_args.held_out, global)?;
     let input = VerbInput::of(source, replays).map_err(|e| Failure::input(e, &doubts))?;
     let question = input.options(args.max_effects, args.max_rollouts);
-    let tell = |ladder_step: &_| common::tell(ladder_step, global);
+    let unit = input.error_unit();
+    let tell = |ladder_step: &_| common::tell(ladder_step, unit, global);
     let interrupted = watch_for_interrupts("finishing with the best so far")?;
     let (flag, deadline) = (interrupted.clone(), args.max_time.map(|time| Instant::now() + time));
     let stop_signal =
@@ -79,7 +81,7 @@ fn word_of(verdict: Verdict) -> String {
 }
 
 fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
-    println!("\n{}\n", common::table(&report.error_ladder).render());
+    println!("\n{}\n", common::table(&report.error_ladder, subject.input.error_unit()).render());
     println!("{}", sentence(report));
     if report.cut_short {
         println!("stopped before the search had finished: this is the best so far");
@@ -109,6 +111,7 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
         }
     }
     println!("\n{}", btr_report::text::floors(&report.noise_floor));
+    common::show_repeatability(&report.noise_floor, &report.remaining);
     println!("{}", btr_report::text::integrator(report.integrator_error, report.time_step_s));
     if !report.at_bound.is_empty() {
         println!("at their bounds: {}; widen the bounds before relying on this result", report.at_bound.join(", "));
@@ -140,13 +143,25 @@ fn sentence(report: &DiagnoseReport) -> String {
     };
     let helping: Vec<&str> = [&*effects, &*values].into_iter().filter(|names| !names.is_empty()).collect();
     match (report.verdict, helping.is_empty()) {
-        (Verdict::EffectMissing | Verdict::ValueWrong, _) => format!("{both}{}", unsure(report)),
+        (Verdict::EffectMissing | Verdict::ValueWrong, _) => {
+            format!("{both}{}{}", unsure(report), to_repeatability(report))
+        }
         (Verdict::PartlyExplained, _) => format!("partly explained: {both}; something else is missing: {share}"),
-        (Verdict::NothingMissing, _) => format!("nothing is missing{}: what remains is noise", judged(report)),
+        (Verdict::NothingMissing, _) => {
+            format!("nothing is missing{}: {}", judged(report), what_remains(report.degree))
+        }
         (Verdict::Unexplained, true) => format!("unexplained: no effect of the library helps; {share}"),
         (Verdict::Unexplained, false) => {
             format!("unexplained: {} helps but does not explain the error; {share}", helping.join("; "))
         }
+    }
+}
+
+/// Where runs of the same command limit what can be explained.
+fn to_repeatability(report: &DiagnoseReport) -> String {
+    match report.degree {
+        Degree::ExplainedToRepeatability => format!("; {}", what_remains(report.degree)),
+        _ => String::new(),
     }
 }
 

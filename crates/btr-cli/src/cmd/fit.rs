@@ -7,7 +7,7 @@ use crate::exit::DONE;
 use btr_lab::failure::Failure;
 use btr_lab::output::{OutputKind, guard, inputs};
 use btr_lab::verbs;
-use btr_lab::verbs::{FitReport, VerbInput};
+use btr_lab::verbs::{ErrorUnit, FitReport, VerbInput};
 use btr_report::Subject;
 use btr_report::html;
 use btr_report::table::{Table, number};
@@ -22,7 +22,8 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
     if input.problem.model().simulations.is_empty() {
         return Err(Failure::nothing_to_fit());
     }
-    let (report, fit, step) = verbs::fit(&input, &input.problem, &|step| common::tell(step, global))
+    let unit = input.error_unit();
+    let (report, fit, step) = verbs::fit(&input, &input.problem, &|step| common::tell(step, unit, global))
         .map_err(|error| Failure::simulation_failure(&input, &error))?;
     if let Some(output) = &args.output {
         let into = output.parent().unwrap_or(output);
@@ -36,7 +37,7 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
     if global.json {
         println!("{}", serde_json::json!(report));
     } else {
-        show(&report);
+        show(&report, unit);
         if args.output.is_none() {
             println!("not saved: give -o FILE");
         }
@@ -46,8 +47,8 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
     Ok(DONE)
 }
 
-fn show(report: &FitReport) {
-    println!("\n{}\n", common::table(&report.error_ladder).render());
+fn show(report: &FitReport, unit: ErrorUnit) {
+    println!("\n{}\n", common::table(&report.error_ladder, unit).render());
     let mut table = Table::new(&btr_report::text::ESTIMATES);
     report.parameters.iter().for_each(|estimate| table.row(btr_report::text::estimate(estimate)));
     println!("{}", table.render());
@@ -62,6 +63,7 @@ fn show(report: &FitReport) {
         println!("\n{}", direction.sentence);
     }
     println!("\n{}", btr_report::text::floors(&report.noise_floor));
+    common::show_repeatability(&report.noise_floor, &report.remaining);
     println!("{}", btr_report::text::integrator(report.integrator_error, report.time_step_s));
     println!("{} rollouts in {} s", report.rollouts, number(report.seconds));
 }

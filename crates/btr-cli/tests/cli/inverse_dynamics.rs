@@ -1,6 +1,6 @@
 //! Logs of motion and torque: the motion is prescribed, and the torques that it requires are compared.
 
-use crate::lab::Lab;
+use crate::lab::{Lab, noise};
 use serde_json::Value;
 use std::fmt::Write;
 
@@ -50,13 +50,6 @@ const SAMPLES: u32 = 2000;
 /// Standard deviations of the encoders in rad, and of the torques of hip and knee in N·m.
 const ENCODER_RAD: f64 = 2e-5;
 const TORQUE_NM: [f64; 2] = [0.1, 0.004];
-
-/// Numbers of variance one that look random.
-fn noise(i: u32, salt: f64) -> f64 {
-    let even = |k: f64| (f64::from(i) * (12.9898 + k) + 78.233 * (salt + k)).sin() * 43758.5453;
-    let even = |k: f64| even(k) - even(k).floor();
-    (0..12).map(|k| even(f64::from(k))).sum::<f64>() - 6.0
-}
 
 /// A motion with its velocity and its acceleration; slow enough for the parabolas by which velocities are estimated:
 /// they shift the reversals of faster ones.

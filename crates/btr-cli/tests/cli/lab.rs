@@ -48,6 +48,13 @@ simulators = { generations = 8, search = { algorithm = "cma_es", population = 6 
 transfer = { count = 2 }
 "#;
 
+/// Numbers of variance one that look random.
+pub(crate) fn noise(i: u32, salt: f64) -> f64 {
+    let even = |k: f64| (f64::from(i) * (12.9898 + k) + 78.233 * (salt + k)).sin() * 43758.5453;
+    let even = |k: f64| even(k) - even(k).floor();
+    (0..12).map(|k| even(f64::from(k))).sum::<f64>() - 6.0
+}
+
 /// A temporary folder with files in it, in which `btr` runs.
 pub(crate) struct Lab {
     folder: TempDir,

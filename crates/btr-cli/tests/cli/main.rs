@@ -14,6 +14,7 @@ mod lab;
 mod real_arm;
 mod real_servo;
 mod realities;
+mod repeats;
 mod reports;
 mod reproducibility;
 mod runs;

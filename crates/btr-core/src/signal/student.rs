@@ -3,7 +3,7 @@
 /// The 97.5 % point of Student's t for a mean of `count` values: from a table for few, from the expansion about the
 /// normal distribution in the inverse of the degrees of freedom for more, which is exact to three digits there. `None`
 /// below three.
-pub(crate) fn student_95(count: usize) -> Option<f64> {
+pub fn student_95(count: usize) -> Option<f64> {
     const FEW: [f64; 8] = [4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262];
     let z: f64 = 1.959_964;
     let freedom = count.checked_sub(1)? as f64;

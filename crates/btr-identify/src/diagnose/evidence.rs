@@ -3,7 +3,6 @@
 use super::report::{Evidence, MissingEffect, Verdict};
 use super::thresholds::{AT_MOST, CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY, STABLE};
 use crate::LadderStep;
-use crate::fit::measure::NOISE;
 use crate::fit::residual_vector::{ResidualVector, chi, squares};
 use crate::fit::{FitPoint, LogSet, Objective};
 use crate::residual_model::CandidateKind;
@@ -98,15 +97,23 @@ impl Evidence {
     }
 }
 
+/// Up to which error a residual counts as noise.
+#[derive(Clone, Copy)]
+pub(super) struct NoiseBound {
+    /// Largest error that is noise, in multiples of the noise floor or of what runs differ by.
+    pub(super) noise: f64,
+    /// Whether the noise floors are only roughly known.
+    pub(super) roughly: bool,
+}
+
 /// The verdict about an error that was `at_first` (a mean square) and is the ladder's `last` now. Marks which findings
-/// are established, and bounds their probabilities by how much they explain. `roughly`: whether the noise floors are
-/// only roughly known.
-pub(super) fn weigh(last: &LadderStep, at_first: f64, roughly: bool, findings: &mut [MissingEffect]) -> Verdict {
+/// are established, and bounds their probabilities by how much they explain.
+pub(super) fn weigh(last: &LadderStep, at_first: f64, bound: NoiseBound, findings: &mut [MissingEffect]) -> Verdict {
     let judged = last.held_out.unwrap_or(last.train);
     if findings.is_empty() {
-        return if judged <= NOISE { Verdict::NothingMissing } else { Verdict::Unexplained };
+        return if judged <= bound.noise { Verdict::NothingMissing } else { Verdict::Unexplained };
     }
-    let explained = if roughly { judged <= EXPLAINED } else { judged.max(last.train) <= NOISE };
+    let explained = if bound.roughly { judged <= EXPLAINED } else { judged.max(last.train) <= bound.noise };
     let share = share(at_first, judged.powi(2), at_first);
     let mostly = share >= MOSTLY || judged.max(last.train) <= EXPLAINED;
     for found in findings.iter_mut() {
@@ -148,7 +155,7 @@ mod tests {
 
     fn verdict(train: f64, held_out: f64, findings: &mut [MissingEffect]) -> Verdict {
         let last = LadderStep { step: "+ coulomb_friction@elbow".to_owned(), train, held_out: Some(held_out) };
-        weigh(&last, 10.0 * 10.0, false, findings)
+        weigh(&last, 10.0 * 10.0, NoiseBound { noise: 1.15, roughly: false }, findings)
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::refit::Rival;
 use super::report::{MissingEffect, RankedCandidate, RivalPoint};
 use super::state::{DiagnosisState, earns_its_parameters};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, INDISTINCT, LEARNT_FALL, TIE};
-use crate::fit::measure::{ComparisonMeasure, NOISE, held_out_squares};
+use crate::fit::measure::{ComparisonMeasure, held_out_squares};
 use crate::fit::residual_vector::{chi, squares};
 use crate::fit::{FitPoint, LogSet, Objective};
 
@@ -134,7 +134,7 @@ fn contradicted_by_held_out<'a>(
     let close = |r: &Rival| measure.criterion(&r.fit) - best <= DECISIVE;
     let lowest = passing.iter().filter(|(r, _)| close(r)).filter_map(|(_, squares)| **squares);
     let lowest = lowest.fold(f64::INFINITY, f64::min);
-    let is_noise = chi(lowest, objective.samples(LogSet::HeldOut)) <= NOISE;
+    let is_noise = chi(lowest, objective.samples(LogSet::HeldOut)) <= objective.noise_bound();
     let contradicted = |r: &Rival, squares: &Option<f64>| {
         let squares = squares.unwrap_or(0.0);
         close(r) && measure.scaled(squares - lowest) > DECISIVE && squares > (1.0 + HELD_OUT_FALL) * lowest

@@ -23,10 +23,11 @@ pub use report::{DiagnoseOptions, Diagnosis, Evidence, MissingEffect, RankedCand
 pub use residual_law::ResidualLaw;
 
 use crate::LadderStep;
-use crate::fit::measure::{ComparisonMeasure, NOISE};
-use crate::fit::{FitPoint, Intervals, Objective, RESTARTS, SearchBudget, estimates};
+use crate::fit::measure::ComparisonMeasure;
+use crate::fit::{Degree, FitPoint, Intervals, Objective, RESTARTS, SearchBudget, estimates, remaining};
 use btr_core::world::{Cancelled, WorldError};
 use companion::{companion, exchange, exchange_for_larger, is_near};
+use evidence::NoiseBound;
 use refit::Rival;
 use residual_law::residual_law;
 use round::{SecondLooks, round};
@@ -231,11 +232,12 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
     let learnt = state.ladder.last().map_or(f64::INFINITY, |step| step.train);
     let integrator_error = state.fit.held_out_step_error(objective).max(state.integrator);
     let roughly = objective.description.has_contact || objective.description.is_chaotic;
+    let bound = NoiseBound { noise: objective.noise_bound(), roughly };
     for found in &mut state.chosen {
         found.evidence.leave_one_out_change = evidence::leave_one_out_change(objective, &state.fit, found.candidate);
     }
     let verdict = match state.ladder.last() {
-        Some(last) => evidence::weigh(last, state.unexplained_at_first, roughly, &mut state.chosen),
+        Some(last) => evidence::weigh(last, state.unexplained_at_first, bound, &mut state.chosen),
         None => Verdict::Unexplained,
     };
     let explains = matches!(verdict, Verdict::EffectMissing | Verdict::ValueWrong);
@@ -247,7 +249,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
     state.declare_larger_laws(objective, left_over.as_ref());
     let leaves = matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained);
     let left = if leaves { last.max(learnt) } else { last };
-    let intervals = if left <= NOISE { Intervals::Given } else { Intervals::Withheld };
+    let intervals = if left <= objective.noise_bound() { Intervals::Given } else { Intervals::Withheld };
     if intervals == Intervals::Given {
         state.settle(objective);
     }
@@ -266,8 +268,17 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
     let free = &objective.description.free;
     let at_bound =
         all.iter().filter(|(parameter, e)| free.contains(parameter) && e.at_bound).map(|(_, e)| e.name.clone());
+    let rollouts = objective.rollouts();
+    let channels = remaining(objective, &state.fit.u);
+    let degree = match verdict {
+        Verdict::Unexplained => Degree::Unexplained,
+        Verdict::PartlyExplained => Degree::PartlyExplained,
+        Verdict::EffectMissing | Verdict::ValueWrong | Verdict::NothingMissing => Degree::of_noise(&channels),
+    };
     Diagnosis {
         verdict,
+        degree,
+        left: channels,
         left_over,
         unexplained_share: (1.0 - left.powi(-2)).max(0.0),
         integrator_error,
@@ -278,7 +289,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
         rivals: state.rivals,
         residual_law: law,
         cut_short: false,
-        rollouts: objective.rollouts(),
+        rollouts,
         fit: state.fit,
     }
 }

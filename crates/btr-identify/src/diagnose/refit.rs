@@ -1,7 +1,6 @@
 //! Fitting the screened candidates: a few cheap steps for many, the full budget for the leaders.
 
 use super::screen::{StartPoint, best, has_two_sides, simulate, simulate_worst, with};
-use crate::fit::measure::NOISE;
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget, columns};
 use nalgebra::DMatrix;
@@ -107,7 +106,7 @@ fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader:
     let mut polished: Vec<Rival> = Vec::new();
     for mut rival in rivals {
         let best = polished.iter().map(|r| &r.fit).chain(leader).map(FitPoint::squares).fold(f64::INFINITY, f64::min);
-        let explains = chi(best, objective.samples(LogSet::Learn)) <= NOISE;
+        let explains = chi(best, objective.samples(LogSet::Learn)) <= objective.noise_bound();
         let most = match rival.fit.squares() / best {
             behind if behind <= CLOSE => MOST,
             behind if behind > BEATEN && explains => 0,
@@ -131,7 +130,9 @@ fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader:
 /// tries its other start shapes from where it ended.
 fn reshape(objective: &Objective, rival: &mut Rival) {
     let candidate = &objective.candidates()[rival.candidate];
-    if candidate.starts.len() < 2 || chi(rival.fit.squares(), objective.samples(LogSet::Learn)) <= NOISE {
+    if candidate.starts.len() < 2
+        || chi(rival.fit.squares(), objective.samples(LogSet::Learn)) <= objective.noise_bound()
+    {
         return;
     }
     let with_shapes = |shapes: &Vec<f64>| {

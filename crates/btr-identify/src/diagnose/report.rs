@@ -2,7 +2,7 @@
 
 use super::residual_law::ResidualLaw;
 use crate::LadderStep;
-use crate::fit::{Estimate, FitPoint};
+use crate::fit::{Degree, Estimate, FitPoint, RemainingError};
 use crate::residual_model::{CandidateKind, EffectCandidate};
 use serde::{Deserialize, Serialize};
 
@@ -136,6 +136,10 @@ pub struct Diagnosis {
     pub rounds: Vec<Vec<RankedCandidate>>,
     /// The verdict.
     pub verdict: Verdict,
+    /// How far the error is explained.
+    pub degree: Degree,
+    /// What is left in each channel.
+    pub left: Vec<RemainingError>,
     /// The missing effects, or those that lower the error without explaining it.
     pub effects: Vec<MissingEffect>,
     /// The error after each step.

@@ -7,7 +7,6 @@ use super::report::{DiagnoseOptions, MissingEffect};
 use super::screen::{StartPoint, screen};
 use super::short_parts::from_short_parts;
 use super::state::DiagnosisState;
-use crate::fit::measure::NOISE;
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective};
 use crate::residual_model::Derivation;
@@ -208,7 +207,9 @@ fn not_fitted(rivals: &[Rival], offered: &[usize]) -> Vec<usize> {
 
 /// Whether there is a leader, and even it leaves more than noise.
 fn leaves_much(objective: &Objective, rivals: &[Rival]) -> bool {
-    rivals.first().is_some_and(|leader| chi(leader.fit.squares(), objective.samples(LogSet::Learn)) > NOISE)
+    rivals
+        .first()
+        .is_some_and(|leader| chi(leader.fit.squares(), objective.samples(LogSet::Learn)) > objective.noise_bound())
 }
 
 /// Whether the leader, or the base where there is none, leaves an error above this many noise floors.

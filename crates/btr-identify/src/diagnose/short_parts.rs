@@ -4,7 +4,6 @@
 use super::refit::{FOLLOWER, Rival, race};
 use super::screen::{StartPoint, screen};
 use super::state::DiagnosisState;
-use crate::fit::measure::NOISE;
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use crate::residual_model::Derivation;
@@ -34,7 +33,7 @@ pub(super) fn from_short_parts(
     let on_whole_logs = |rival: Rival| {
         let mut fit = FitPoint::at(objective, rival.fit.active.clone(), rival.fit.u, &state.fit.step_error).ok()?;
         fit.solve(objective, FOLLOWER);
-        if chi(fit.squares(), objective.samples(LogSet::Learn)) <= NOISE {
+        if chi(fit.squares(), objective.samples(LogSet::Learn)) <= objective.noise_bound() {
             // The step error is only known once the fit follows the whole motion.
             fit.renew_step_error(objective);
             fit.solve(objective, FOLLOWER);

@@ -5,7 +5,7 @@ use super::refit::{FOLLOWER, RESHAPED, Rival};
 use super::report::{Evidence, MissingEffect, RankedCandidate, RivalPoint};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL};
 use crate::LadderStep;
-use crate::fit::measure::{ComparisonMeasure, NOISE, held_out_squares};
+use crate::fit::measure::{ComparisonMeasure, held_out_squares};
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use crate::residual_model::Needs;
@@ -189,7 +189,7 @@ impl DiagnosisState {
 
     /// Whether the error on the held-out logs is more than noise.
     pub(super) fn fails_on_held_out(&self, objective: &Objective) -> bool {
-        self.held_out.is_some_and(|squares| chi(squares, objective.samples(LogSet::HeldOut)) > NOISE)
+        self.held_out.is_some_and(|squares| chi(squares, objective.samples(LogSet::HeldOut)) > objective.noise_bound())
     }
 
     /// Whether the fit explains everything with another objective, such as one with starts from the fitted model; or
@@ -200,10 +200,10 @@ impl DiagnosisState {
         fit.solve(objective, FOLLOWER);
         let samples = objective.samples(LogSet::HeldOut).max(1);
         let judged = held_out_squares(objective, &fit.u).map_or(0.0, |squares| chi(squares, samples));
-        let is_noise = |fit: &FitPoint| chi(fit.squares(), objective.samples(LogSet::Learn)) <= NOISE;
+        let is_noise = |fit: &FitPoint| chi(fit.squares(), objective.samples(LogSet::Learn)) <= objective.noise_bound();
         let is_more_now = self.fails_on_held_out(objective) || !self.chosen.is_empty() && !is_noise(&self.fit);
         let becomes_noise = is_more_now && is_noise(&fit);
-        (becomes_noise || !self.leaves_something(objective, &fit)) && judged <= NOISE
+        (becomes_noise || !self.leaves_something(objective, &fit)) && judged <= objective.noise_bound()
     }
 
     /// Continues with another objective.
@@ -225,7 +225,7 @@ impl DiagnosisState {
         let squares = fit.squares() / objective.samples(LogSet::Learn).max(1) as f64;
         // Where motion is chaotic, the noise floors include the integrator's error and are only roughly known.
         if objective.description.is_chaotic {
-            return squares > NOISE.powi(2);
+            return squares > objective.noise_bound().powi(2);
         }
         squares > 1.0 + LEARNT_FALL / 2.0 + self.integrator.powi(2)
     }
@@ -278,7 +278,7 @@ impl DiagnosisState {
 /// Whether the parameters that a law has beyond those of a law nested in it lower the error as much as any effect
 /// must: a certain difference with next to no effect is more likely one between simulators than a law.
 pub(super) fn earns_its_parameters(objective: &Objective, larger: &FitPoint, inside: &FitPoint) -> bool {
-    if chi(inside.squares(), objective.samples(LogSet::Learn)) > NOISE {
+    if chi(inside.squares(), objective.samples(LogSet::Learn)) > objective.noise_bound() {
         return true;
     }
     let falls = |from: f64, to: f64, by: f64| to < (1.0 - by) * from;

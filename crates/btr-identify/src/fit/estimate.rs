@@ -3,6 +3,7 @@
 use super::objective::{LogSet, Objective};
 use super::solve::FitPoint;
 use crate::residual_model::{FitParameter, ModelDescription};
+use btr_core::signal::student::student_95;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -64,6 +65,7 @@ pub fn estimates(
     let deviations_within = deviations(parameters, fit, inflation, 1.0);
     let by_logs = deviations(parameters, fit, inflation, LOOSE);
     let by_clusters = by_clusters(description, fit);
+    let between_logs = between_logs(description, fit);
     let by_step = if given { by_step(objective, fit) } else { None };
     let estimate = |(k, &index): (usize, &usize)| {
         let (parameter, u) = (&parameters[index], fit.u[index]);
@@ -72,7 +74,11 @@ pub fn estimates(
         let deviation = deviations_within.as_ref().map(|d| d[k]).filter(|_| given && !at_bound);
         let by_bounds =
             deviation.zip(by_logs.as_ref()).is_some_and(|(within, by_logs)| by_logs[k] > BY_BOUNDS * within);
-        let deviation = deviation.map(|d| by_clusters.as_ref().map_or(d, |by_clusters| d.max(by_clusters[k])));
+        let deviation = deviation.map(|d| match (&between_logs, &by_clusters) {
+            (Some(between_logs), _) => between_logs[k],
+            (None, Some(by_clusters)) => d.max(by_clusters[k]),
+            (None, None) => d,
+        });
         let deviation = deviation.map(|d| by_step.as_ref().map_or(d, |by_step| d.hypot(by_step[k])));
         let ends = |d: f64| [-1.0, 1.0].map(|side| parameter.value(parameter.along(u, side * NINETY_FIVE * d)));
         let ci95 = deviation.map(ends).map(|[a, b]| [a.min(b), a.max(b)]);
@@ -138,6 +144,27 @@ fn by_clusters(description: &ModelDescription, fit: &FitPoint) -> Option<Vec<f64
     scatter *= clusters.len() as f64 / (clusters.len() - parameters) as f64;
     let inverse = posterior_precision(&description.parameters, fit, 1.0, 1.0)?.try_inverse()?;
     Some(roots(&(&inverse * scatter * &inverse)))
+}
+
+/// The same with each training log as one cluster, where logs are draws of what differs from run to run. The sum of
+/// their gradients is zero at the fit, so that L logs have L - 1 degrees of freedom: the deviation is widened from a
+/// normal to Student's 95 % interval. `None` with fewer than three logs.
+fn between_logs(description: &ModelDescription, fit: &FitPoint) -> Option<Vec<f64>> {
+    let jacobian = fit.jacobian.as_ref().filter(|_| description.has_runs)?;
+    let logs = description.logs.iter().filter(|log| !log.held_out);
+    let (count, parameters) = (logs.clone().count(), fit.active.len());
+    let wider = student_95(count)? / NINETY_FIVE;
+    let (mut scatter, mut first) = (DMatrix::zeros(parameters, parameters), 0);
+    for log in logs {
+        let rows = first..first + log.rows();
+        first = rows.end;
+        let residual = DVector::from_column_slice(&fit.residual[rows.clone()]);
+        let gradient = jacobian.rows_range(rows).tr_mul(&residual);
+        scatter.ger(1.0, &gradient, &gradient, 1.0);
+    }
+    scatter *= count as f64 / (count - 1) as f64;
+    let inverse = posterior_precision(&description.parameters, fit, 1.0, 1.0)?.try_inverse()?;
+    Some(roots(&(&inverse * scatter * &inverse)).into_iter().map(|deviation| wider * deviation).collect())
 }
 
 /// The clusters of the training logs' residual, as ranges of its rows: seconds of a channel; with contact whole

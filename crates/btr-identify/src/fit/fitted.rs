@@ -1,8 +1,9 @@
 //! The complete fit: from a model at its current values to estimates with intervals.
 
 use super::estimate::{Estimate, Intervals, NullDirection, estimates, null_directions};
-use super::measure::{ComparisonMeasure, NOISE, held_out_squares};
+use super::measure::{ComparisonMeasure, held_out_squares};
 use super::objective::{LogSet, Objective};
+use super::remaining::{Degree, RemainingError, remaining};
 use super::residual_vector::chi;
 use super::solve::{FitPoint, FitStop, SearchBudget};
 use crate::LadderStep;
@@ -44,6 +45,10 @@ pub struct FitResult {
     pub integrator_error: f64,
     /// The time step of its simulations.
     pub step: TimeStep,
+    /// How far the error is explained.
+    pub degree: Degree,
+    /// What is left in each channel.
+    pub left: Vec<RemainingError>,
     /// Simulated logs.
     pub rollouts: usize,
 }
@@ -102,7 +107,7 @@ fn refine_starts(
     restarts_left: usize,
 ) -> Result<FitResult, WorldError> {
     let contact = objective.description.has_contact;
-    if restarts_left == 0 || (contact && ladder.error() <= NOISE) {
+    if restarts_left == 0 || (contact && ladder.error() <= objective.noise_bound()) {
         return Ok(conclude(objective, done, ladder));
     }
     let seen = objective.with_starts_at(&done.0.u);
@@ -130,8 +135,8 @@ fn is_better(again: &Objective, fit: &FitPoint, objective: &Objective, before: &
         |objective: &Objective, fit: &FitPoint| (fit.squares(), held_out_squares(objective, &fit.u).unwrap_or(0.0));
     let ((learnt, judged), (learnt_before, judged_before)) = (squares(again, fit), squares(objective, before));
     let samples = |logs| again.samples(logs);
-    let explained =
-        chi(learnt, samples(LogSet::Learn)) <= NOISE && chi(judged, samples(LogSet::HeldOut).max(1)) <= NOISE;
+    let explained = chi(learnt, samples(LogSet::Learn)) <= objective.noise_bound()
+        && chi(judged, samples(LogSet::HeldOut).max(1)) <= objective.noise_bound();
     let share = if explained { LESS } else { MOST };
     learnt < share * learnt_before || judged < share * judged_before
 }
@@ -164,7 +169,7 @@ fn begin(objective: &mut Objective, ladder: &mut LadderRecorder) -> Result<FitPo
     let (at_off, next_to_off) = STARTS.split_at(1);
     // The first start is the current fit, which can be simulated: a best one exists.
     let mut best = best_of(if off.is_empty() { at_off } else { &STARTS }, &[1.0]).unwrap_or_else(|| fit.clone());
-    if !open.is_empty() && chi(best.squares(), objective.samples(LogSet::Learn)) > NOISE {
+    if !open.is_empty() && chi(best.squares(), objective.samples(LogSet::Learn)) > objective.noise_bound() {
         let other = best_of(if off.is_empty() { at_off } else { next_to_off }, &MAGNITUDES);
         best = other.filter(|other| other.cost < best.cost).unwrap_or(best);
     }
@@ -192,11 +197,15 @@ fn conclude(
     ladder: LadderRecorder,
 ) -> FitResult {
     let error = ladder.error();
-    let withheld = (error > NOISE).then(|| {
+    let withheld = (error > objective.noise_bound()).then(|| {
         format!(
-            "the error is still {error:.2} times the noise floor: something is missing, and any interval would be wrong"
+            "the error is still {error:.2} times {}: something is missing, and any interval would be wrong",
+            if objective.description.has_runs { "what runs of the same command differ by" } else { "the noise floor" }
         )
     });
+    let rollouts = objective.rollouts();
+    let left = remaining(objective, &fit.u);
+    let degree = if withheld.is_none() { Degree::of_noise(&left) } else { Degree::Unexplained };
     let intervals = if withheld.is_none() { Intervals::Given } else { Intervals::Withheld };
     let inflation = ComparisonMeasure::of(objective, &fit).inflation();
     let (train, held_out) = ladder.steps.last().map_or((f64::INFINITY, None), |step| (step.train, step.held_out));
@@ -211,7 +220,9 @@ fn conclude(
         ended,
         withheld,
         step: objective.step(),
-        rollouts: objective.rollouts(),
+        degree,
+        left,
+        rollouts,
     }
 }
 

@@ -2,7 +2,7 @@
 //! autocorrelation leaves.
 
 use super::objective::{LogSet, Objective};
-use super::residual_vector::{channels, corrected, squares};
+use super::residual_vector::{ResidualVector, channels, corrected, squares};
 use super::solve::FitPoint;
 use btr_core::signal::stats::autocorrelation_time;
 
@@ -47,13 +47,19 @@ impl ComparisonMeasure {
 /// Sum of squares at a point on the held-out logs, without the integrator's error as far as that is known; `None`
 /// where they cannot be simulated there.
 pub(crate) fn held_out_squares(objective: &Objective, u: &[f64]) -> Option<f64> {
-    let residual = objective.residual(u, LogSet::HeldOut).ok()?;
-    let as_simulated = squares(&residual);
+    residual_without_step_error(objective, u, LogSet::HeldOut).map(|residual| squares(&residual))
+}
+
+/// The residual at a point, without the integrator's error where that makes it smaller; `None` where it cannot be
+/// simulated.
+pub(super) fn residual_without_step_error(objective: &Objective, u: &[f64], logs: LogSet) -> Option<ResidualVector> {
+    let residual = objective.residual(u, logs).ok()?;
     if objective.description.is_chaotic {
-        return Some(as_simulated);
+        return Some(residual);
     }
-    let error = objective.step_error(u, &residual, LogSet::HeldOut);
-    Some(squares(&corrected(residual, &error)).min(as_simulated))
+    let error = objective.step_error(u, &residual, logs);
+    let without = corrected(residual.clone(), &error);
+    Some(if squares(&without) < squares(&residual) { without } else { residual })
 }
 
 /// Integrated autocorrelation time of the residual in samples, averaged over channels by their squares; at least 1.

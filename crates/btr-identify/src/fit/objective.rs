@@ -163,6 +163,11 @@ impl<'a> Objective<'a> {
         &self.description.law_terms
     }
 
+    /// Largest error of a residual that counts as noise.
+    pub fn noise_bound(&self) -> f64 {
+        self.description.noise_bound
+    }
+
     /// The logs of a set, as indices.
     pub fn logs(&self, logs: LogSet) -> &[usize] {
         match logs {

@@ -3,6 +3,7 @@
 use super::candidate::{EffectCandidate, LawTerm};
 use super::log::{LogStart, RecordedLog};
 use super::parameter::FitParameter;
+use crate::fit::NOISE;
 
 /// The parameters, candidates and logs of a residual model, and how to simulate it.
 ///
@@ -43,6 +44,12 @@ pub struct ModelDescription {
     pub is_chaotic: bool,
     /// Whether the motion is prescribed, so that what acts in a joint shows in that joint's channel alone.
     pub is_decoupled: bool,
+    /// Whether what differs from run to run counts as noise, so that a log is one draw of it: the uncertainty of
+    /// estimates is then taken from the differences between logs as well.
+    pub has_runs: bool,
+    /// Largest error of a model without a fault, as a root mean square of residuals: [`NOISE`](crate::fit::NOISE), or
+    /// more where the spread of runs is only roughly known.
+    pub noise_bound: f64,
 }
 
 impl ModelDescription {
@@ -65,6 +72,8 @@ impl ModelDescription {
             has_contact: false,
             is_chaotic: false,
             is_decoupled: false,
+            has_runs: false,
+            noise_bound: NOISE,
         }
     }
 

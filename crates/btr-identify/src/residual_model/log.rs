@@ -9,10 +9,22 @@ pub struct MeasuredChannel {
     pub name: String,
     /// SI unit as text.
     pub unit: String,
-    /// Standard deviation of the sensor's error, quantisation included: the noise floor, in the channel's unit.
+    /// Standard deviation of the readings from what the best model can predict, in the channel's unit: the noise floor,
+    /// or how far runs of the same command differ where that is known and more.
     pub sigma: f64,
+    /// Standard deviation of the sensor's error alone, quantisation included: the noise floor.
+    pub sensor: f64,
+    /// Whether a whole run has an offset of its own, which then says nothing about the model.
+    pub offset_differs: bool,
     /// Its samples in the log's residual.
     pub samples: Range<usize>,
+}
+
+impl MeasuredChannel {
+    /// Whether what differs from run to run is part of its `sigma`.
+    pub fn is_of_runs(&self) -> bool {
+        self.sigma > self.sensor || self.offset_differs
+    }
 }
 
 /// A training or held-out log.

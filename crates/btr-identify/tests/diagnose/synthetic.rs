@@ -71,6 +71,8 @@ impl SyntheticModel {
                 name: "q".to_owned(),
                 unit: "rad".to_owned(),
                 sigma: 1.0,
+                sensor: 1.0,
+                offset_differs: false,
                 samples: 0..samples,
             }],
             present: samples,

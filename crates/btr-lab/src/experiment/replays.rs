@@ -6,6 +6,7 @@ use super::logs::read::read;
 use super::logs::scenarios::{LogPurpose, ScenarioReader, ScenarioSet};
 use super::logs::source::{LogSource, Recordings};
 use super::source::{FileError, Source};
+use crate::log_quality::repeats::Repeats;
 use crate::log_quality::{beside_model, coverage, quality, torque_noise};
 use btr_core::log::Log;
 use btr_identify::quality::Quality;
@@ -27,6 +28,8 @@ pub struct Replays {
     pub checked: Vec<CheckedLog>,
     /// The logs as they were read.
     pub recordings: Recordings,
+    /// Runs of the same command.
+    pub(crate) repeats: Repeats,
 }
 
 /// The quality of a log.
@@ -76,7 +79,7 @@ where
     let known = IndexEntries::of(&file, source)?;
     let reader = ScenarioReader { file: &file, source, robot: &robot };
     let (mut all, mut recordings) = (ScenarioSet::none(), Recordings::default());
-    let mut scenarios = Vec::new();
+    let (mut scenarios, mut declared) = (Vec::new(), Vec::new());
     for (k, given) in learn.iter().chain(&held_out).enumerate() {
         let (path, log) = (given.path(), read(given, &file, &robot)?);
         all.notice(path, log.warnings.iter().cloned().chain(known.misses(path)));
@@ -87,6 +90,7 @@ where
         };
         let first = all.scenarios.len();
         all.add(&log, purpose, &settings, &reader)?;
+        declared.resize(all.scenarios.len(), known.repeats(path, source)?);
         scenarios.push(first..all.scenarios.len());
         list.push(log);
     }
@@ -109,6 +113,8 @@ where
         true => vec![Vec::new(); logs.len()],
         false => beside_model::leave_out(&model, &mut logs),
     };
+    let repeats = Repeats::of(&model, &logs, &declared);
+    model.setup.noise.unpredictable.channels = repeats.noise();
     let checked = learn.iter().chain(held_out).zip(scenarios).map(|(read, scenarios)| {
         let in_file = |k: usize| {
             let begins_s = model.scenarios[k].begins_s;
@@ -122,5 +128,5 @@ where
         }
     });
     let checked = checked.collect();
-    Ok(Replays { logs, warnings, checked, model, recordings })
+    Ok(Replays { logs, warnings, checked, model, recordings, repeats })
 }

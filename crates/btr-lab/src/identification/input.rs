@@ -90,31 +90,3 @@ impl VerbInput {
         VerbInput::new(Source { text, ..bare.source }, &learn, &held_out)
     }
 }
-
-/// The noise floor of each measured channel.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct NoiseFloor {
-    /// The channel.
-    pub channel: String,
-    /// Its unit.
-    pub unit: String,
-    /// Standard deviation of the errors of its readings.
-    pub sigma: f64,
-    /// Whether it is assumed because the readings have no noise.
-    pub assumed: bool,
-}
-
-impl VerbInput {
-    /// The noise floor of each channel, in the first log that has it.
-    pub fn floors(&self) -> Vec<NoiseFloor> {
-        let mut floors: Vec<NoiseFloor> = Vec::new();
-        for channel in self.problem.logs().iter().flat_map(|log| &log.channels) {
-            if floors.iter().all(|floor| floor.channel != channel.name) {
-                let (name, unit) = (channel.name.clone(), channel.unit.clone());
-                let assumed = self.problem.is_assumed(&name);
-                floors.push(NoiseFloor { channel: name, unit, sigma: channel.sigma, assumed });
-            }
-        }
-        floors
-    }
-}

@@ -110,11 +110,15 @@ impl IdentificationProblem {
         for name in compared(&self.model) {
             let present_channel = |c: &&Channel| c.role == Role::Measured && c.values.iter().any(|x| x.is_finite());
             let Some(channel) = recorded.channel(&name).filter(present_channel) else { continue };
-            let Some(sigma) = self.floor(part.scenario, &name, &channel.values) else { continue };
+            let Some(sensor) = self.floor(part.scenario, &name, &channel.values) else { continue };
             let samples = start..start + recorded.len();
             start = samples.end;
             present += channel.values.iter().enumerate().filter(|(i, x)| part.has(*i) && x.is_finite()).count();
-            channels.push(MeasuredChannel { name, unit: channel.unit.clone(), sigma, samples });
+            let unpredictable = self.model.setup.noise.unpredictable.beside(&name, sensor);
+            // Where small errors grow, starts are estimated and floors raised window by window.
+            let sigma = if self.model.robot.base == Base::Fixed { unpredictable } else { sensor };
+            let offset_differs = self.model.setup.noise.unpredictable.has_offsets(&name);
+            channels.push(MeasuredChannel { name, unit: channel.unit.clone(), sigma, sensor, offset_differs, samples });
         }
         if channels.is_empty() {
             let what =

@@ -6,6 +6,7 @@ mod bare;
 mod candidates;
 mod catalogue;
 mod contact;
+mod floors;
 mod input;
 mod log_parts;
 mod measured;
@@ -16,7 +17,8 @@ mod simulated;
 mod start;
 
 pub(crate) use catalogue::sites::{has_dry_friction, sites};
-pub use input::{Doubt, NoiseFloor, VerbInput, doubts};
+pub use floors::{ErrorUnit, NoiseFloor};
+pub use input::{Doubt, VerbInput, doubts};
 pub use problem::IdentificationProblem;
 pub use problem_error::ProblemError;
 pub(crate) use start::moved::seen_starts;

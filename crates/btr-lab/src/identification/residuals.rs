@@ -6,13 +6,16 @@ use super::simulated::ModelPoint;
 use super::start::moved::OPEN;
 use super::start::windows;
 use btr_core::log::{Log, interpolate};
+use btr_core::signal::repeats::{largest_ratio, ratio_deviation};
 use btr_core::world::{Simulator, WorldError};
+use btr_identify::fit::NOISE;
 use btr_identify::residual_model::{
-    Derivation, EffectCandidate, FitParameter, LogStart, ModelDescription, RecordedLog, ResidualModel, ResidualRequest,
-    StartNumber, TimeStep,
+    Derivation, EffectCandidate, FitParameter, LogStart, MeasuredChannel, ModelDescription, RecordedLog, ResidualModel,
+    ResidualRequest, StartNumber, TimeStep,
 };
 use btr_physics::model::{ModelRequest, Scenario};
 use btr_physics::robot::{Actuator, Base, Link};
+use btr_physics::sensor::RunNoise;
 use std::borrow::Cow;
 
 /// Share of a log that counts as its beginning.
@@ -36,6 +39,8 @@ impl ResidualModel for IdentificationProblem {
             has_contact: self.model.has_contact(),
             is_chaotic: self.is_chaotic(),
             is_decoupled: self.model.robot.is_prescribed(),
+            has_runs: self.logs.iter().flat_map(|log| &log.channels).any(MeasuredChannel::is_of_runs),
+            noise_bound: self.noise_bound(),
             ..ModelDescription::new(self.parameters.clone(), self.logs.clone())
         }
     }
@@ -92,6 +97,31 @@ impl IdentificationProblem {
     /// A simulation that diverges or cannot be set up.
     pub fn residual(&self, request: ResidualRequest, step: TimeStep) -> Result<Vec<f64>, WorldError> {
         (self as &dyn ResidualModel).residual(request, step)
+    }
+
+    /// The largest error of a model without a fault, in the units of residuals. How far runs differ is the less certain
+    /// the fewer of them there are, the longer what differs lasts, and the more channels share it.
+    fn noise_bound(&self) -> f64 {
+        let runs = &self.model.setup.noise.unpredictable.channels;
+        let deviation = |held_out: bool| {
+            let logs = self.logs.iter().filter(|log| log.held_out == held_out);
+            let channels: Vec<&MeasuredChannel> = logs.flat_map(|log| &log.channels).collect();
+            let samples: usize = channels.iter().map(|channel| channel.samples.len()).sum();
+            let share = |name: &str| {
+                let of_channel = channels.iter().filter(|channel| channel.name == name && channel.is_of_runs());
+                of_channel.map(|channel| channel.samples.len() as f64).sum::<f64>()
+            };
+            let of_channel = |(name, noise): (&String, &RunNoise)| {
+                let count = share(name);
+                count / samples.max(1) as f64 * ratio_deviation(count / noise.memory, noise.freedom)
+            };
+            let deviations: Vec<f64> = runs.iter().map(of_channel).collect();
+            let row = |(a, noise): (&f64, &RunNoise)| {
+                noise.shared.iter().zip(&deviations).map(|(shared, b)| shared * a * b).sum::<f64>()
+            };
+            deviations.iter().zip(runs.values()).map(row).sum::<f64>().sqrt()
+        };
+        NOISE.max(largest_ratio(deviation(false).max(deviation(true))))
     }
 
     /// The measured values of a log's compared channels, in the rows of its residual.
@@ -182,7 +212,7 @@ impl IdentificationProblem {
         let joints = 0..self.model.scenarios[self.parts[log].scenario].start.len();
         joints.zip(self.model.robot.movable()).filter_map(move |(i, (_, link))| {
             let name = format!("q_{}", link.joint.name);
-            Some((i, self.logs[log].channels.iter().find(|channel| channel.name == name)?.sigma))
+            Some((i, self.logs[log].channels.iter().find(|channel| channel.name == name)?.sensor))
         })
     }
 

@@ -2,6 +2,7 @@
 
 use crate::experiment::{CheckedLog, Replays};
 use crate::identification::IdentificationProblem;
+use crate::log_quality::repeats::RepeatReport;
 use btr_identify::fit::{NullDirection, Objective, Sensitivity, identifiable};
 use btr_identify::quality::CommandResponse;
 use serde::Serialize;
@@ -15,6 +16,8 @@ pub struct CheckReport {
     pub logs: Vec<CheckedLog>,
     /// Warnings about usable logs.
     pub warnings: Vec<String>,
+    /// How far runs of the same command differ.
+    pub repeatability: RepeatReport,
     /// Identifiability of the free parameters from all logs together.
     pub identifiability: IdentifiabilityReport,
 }
@@ -38,7 +41,12 @@ impl CheckReport {
             })
         };
         let logs: Vec<Value> = self.logs.iter().map(log).collect();
-        let mut document = json!({ "ok": true, "logs": logs, "warnings": self.warnings });
+        let mut document = json!({
+            "ok": true,
+            "logs": logs,
+            "warnings": self.warnings,
+            "repeatability": self.repeatability,
+        });
         if let (Some(document), Value::Object(fields)) = (document.as_object_mut(), json!(self.identifiability)) {
             document.extend(fields);
         }
@@ -71,6 +79,7 @@ pub fn check(replays: Replays) -> CheckReport {
     CheckReport {
         logs: replays.checked.clone(),
         warnings: replays.warnings.clone(),
+        repeatability: replays.repeats.report(&replays.model, &replays.logs),
         identifiability: identifiability(replays),
     }
 }

@@ -106,6 +106,13 @@ impl CompareReport {
         self.replays.model.setup.dt_s / f64::from(self.step.divides_by())
     }
 
+    /// Standard deviation of a run of a channel from what the robot does on average, where runs of the same command
+    /// show that it is more than the sensor's noise, or the model states it.
+    pub fn repeatability(&self, channel: &str) -> Option<f64> {
+        let floor = self.comparison.channels.iter().find(|c| c.name == channel)?.noise_floor;
+        Some(self.replays.model.setup.noise.unpredictable.beside(channel, floor)).filter(|spread| *spread > floor)
+    }
+
     /// The result with the keys of `--json`.
     pub fn document(&self) -> Value {
         let channel = |c: &ChannelError| {
@@ -120,6 +127,8 @@ impl CompareReport {
                 "lag_s": c.lag_s,
                 "noise_floor": c.noise_floor,
                 "chi": c.chi,
+                "repeatability": self.repeatability(&c.name),
+                "x_repeatability": self.repeatability(&c.name).map(|spread| c.rmse / spread),
                 "white": c.white,
                 "independent": c.independent,
                 "integrator_error": self.integrator.get(&c.name),

@@ -99,6 +99,8 @@ pub fn diagnose(
     let report = DiagnoseReport {
         ok: true,
         verdict: diagnosis.verdict,
+        degree: diagnosis.degree,
+        remaining: diagnosis.left.clone(),
         effects: grouped(&diagnosis.effects),
         wrong_values: wrong_values(input, &diagnosis.effects),
         ranking: diagnosis.rounds.clone(),

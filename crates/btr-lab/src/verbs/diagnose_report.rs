@@ -4,7 +4,7 @@ use super::next_experiment::NextExperiment;
 use crate::identification::{Doubt, NoiseFloor, VerbInput};
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{MissingEffect, RankedCandidate, Verdict};
-use btr_identify::fit::{Estimate, NOISE};
+use btr_identify::fit::{Degree, Estimate, NOISE, RemainingError};
 use btr_identify::residual_model::CandidateKind;
 use btr_physics::effects::FormulaTarget;
 use serde::Serialize;
@@ -151,6 +151,10 @@ pub struct DiagnoseReport {
     pub ok: bool,
     /// The verdict.
     pub verdict: Verdict,
+    /// How far the error is explained.
+    pub degree: Degree,
+    /// What is left in each channel, on held-out logs if there are any.
+    pub remaining: Vec<RemainingError>,
     /// The missing effects; with the verdict `unexplained`, effects that help but do not explain.
     pub effects: Vec<EffectReport>,
     /// The values that the model states wrongly, in the same sense.

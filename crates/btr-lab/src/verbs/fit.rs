@@ -4,7 +4,7 @@ use crate::identification::{Doubt, NoiseFloor, VerbInput};
 use crate::model_text::{adapted, in_finer_steps};
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
-use btr_identify::fit::{Estimate, FitPoint, FitStop, NullDirection, Objective};
+use btr_identify::fit::{Degree, Estimate, FitPoint, FitStop, NullDirection, Objective, RemainingError};
 use btr_identify::residual_model::{ResidualModel, TimeStep};
 use serde::Serialize;
 use std::path::Path;
@@ -24,6 +24,10 @@ pub struct FitReport {
     pub train: f64,
     /// Error on held-out logs, in multiples of the noise floor.
     pub held_out: Option<f64>,
+    /// How far the error is explained.
+    pub degree: Degree,
+    /// What is left in each channel, on held-out logs if there are any.
+    pub remaining: Vec<RemainingError>,
     /// Combinations that are not identifiable from these logs.
     pub null_directions: Vec<NullDirection>,
     /// Error after each step.
@@ -67,6 +71,8 @@ pub fn fit(
         parameters: fitted.parameters,
         train: fitted.train,
         held_out: fitted.held_out,
+        degree: fitted.degree,
+        remaining: fitted.left,
         null_directions: fitted.null_directions,
         error_ladder: fitted.ladder,
         stop_reason: fitted.ended,

@@ -1,17 +1,19 @@
 //! The report of `btr diagnose`.
 
-use super::ladder::{FLOORS, ShownLogs, fall, fine_print, noise_floor, pair, training_and_held_out};
+use super::ladder::{ShownLogs, axis, fall, fine_print, least, pair, training_and_held_out};
 use super::page::{Block, Report, Section};
 use crate::Subject;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
-use crate::text::{CORRECTED, ESTIMATES, corrected, estimate, evidence, findings, fit_command, integrator};
+use crate::text::{
+    CORRECTED, ESTIMATES, corrected, estimate, evidence, findings, fit_command, integrator, what_remains,
+};
 use btr_core::log::Log;
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{RankedCandidate, Verdict};
 use btr_identify::fit::Estimate;
-use btr_lab::verbs::{DiagnoseReport, EffectReport, LawReport, NextExperiment, Support, ValueReport};
+use btr_lab::verbs::{DiagnoseReport, EffectReport, ErrorUnit, LawReport, NextExperiment, Support, ValueReport};
 use btr_physics::effects;
 
 /// Number of candidates drawn per round, the best first.
@@ -31,7 +33,7 @@ pub fn diagnose(subject: &Subject, found: &DiagnoseReport, u: &[f64]) -> String 
     sections.extend(found.wrong_values.iter().map(|value| what_is_wrong(value, found)));
     sections.extend(found.residual_law.as_ref().map(law));
     sections.extend(found.next_experiment.as_ref().map(next));
-    sections.push(fall(&found.error_ladder));
+    sections.push(fall(&found.error_ladder, ErrorUnit::of(&found.noise_floor)));
     sections.push(candidates(found));
     sections.extend(subject.before_and_after(u, &what_was_found(found)));
     let integrator = integrator(found.integrator_error, found.time_step_s);
@@ -63,6 +65,7 @@ fn sentence(found: &DiagnoseReport) -> String {
     let error = |step: &LadderStep| number(step.held_out.unwrap_or(step.train));
     let last = found.error_ladder.last().map_or_else(String::new, error);
     let before = base(&found.error_ladder, 0).map_or_else(String::new, error);
+    let times = ErrorUnit::of(&found.noise_floor).times();
     let names = named(found);
     let alike: Vec<&str> = found.support().flat_map(|support| &support.alike).map(String::as_str).collect();
     let alike = if alike.is_empty() { String::new() } else { format!(" or a similar effect ({})", alike.join(", ")) };
@@ -74,27 +77,27 @@ fn sentence(found: &DiagnoseReport) -> String {
     match (found.verdict, names.is_empty()) {
         (Verdict::EffectMissing, _) => {
             format!(
-                "The model lacks {names}{alike}: with it, the error on {on} falls from {before} to {last} noise floors.{left_over}"
+                "The model lacks {names}{alike}: with it, the error on {on} falls from {before} to {last} {times}.{left_over}"
             )
         }
         (Verdict::ValueWrong, _) => {
             format!(
-                "A value of the model is wrong: with {names}{alike}, the error on {on} falls from {before} to {last} noise floors.{left_over}"
+                "A value of the model is wrong: with {names}{alike}, the error on {on} falls from {before} to {last} {times}.{left_over}"
             )
         }
         (Verdict::PartlyExplained, _) => {
             format!(
-                "{names} explains most of the error, and something else is missing: the error on {on} falls from {before} to {last} noise floors; {share}.{where_judged}"
+                "{names} explains most of the error, and something else is missing: the error on {on} falls from {before} to {last} {times}; {share}.{where_judged}"
             )
         }
         (Verdict::NothingMissing, _) => {
-            format!("Nothing is missing: the error on {on} is {last} noise floors, and what remains is noise.")
+            format!("Nothing is missing: the error on {on} is {last} {times}, and {}.", what_remains(found.degree))
         }
         (Verdict::Unexplained, true) => format!(
-            "Something is missing that no effect of the library explains: the error on {on} stays at {last} noise floors; {share}.{where_judged}"
+            "Something is missing that no effect of the library explains: the error on {on} stays at {last} {times}; {share}.{where_judged}"
         ),
         (Verdict::Unexplained, false) => format!(
-            "{names} helps but does not explain the residual: the error on {on} falls from {before} to {last} noise floors; {share}.{where_judged}"
+            "{names} helps but does not explain the residual: the error on {on} falls from {before} to {last} {times}; {share}.{where_judged}"
         ),
     }
 }
@@ -135,9 +138,10 @@ fn withheld<'a>(mut estimates: impl Iterator<Item = &'a Estimate>, found: &Diagn
         held_out => held_out.unwrap_or(step.train),
     };
     let error = number(found.error_ladder.last().map_or(f64::NAN, judged));
+    let times = ErrorUnit::of(&found.noise_floor).times();
     estimates.any(|p| p.ci95.is_none() && !p.at_bound).then(|| {
         Block::Text(format!(
-            "Intervals are withheld: at {error} noise floors the error still has structure, and any interval would be wrong."
+            "Intervals are withheld: at {error} {times} the error still has structure, and any interval would be wrong."
         ))
     })
 }
@@ -191,10 +195,10 @@ fn ranking(found: &DiagnoseReport, k: usize, round: &[RankedCandidate]) -> Strin
     let without = before.map(|before| (Ink::Third, before, "training logs, without any".to_owned()));
     rows(&Rows {
         title: format!("Round {}: the error with each candidate", k + 1),
-        label: FLOORS.to_owned(),
+        label: axis(ErrorUnit::of(&found.noise_floor)),
         notes: format!("{}, delta BIC", shown.head()),
         scale: RowScale::Ratio,
-        lines: std::iter::once(noise_floor()).chain(without).collect(),
+        lines: std::iter::once(least(ErrorUnit::of(&found.noise_floor))).chain(without).collect(),
         legend: shown.legend(),
         rows: round.iter().take(CANDIDATES_SHOWN).map(row).collect(),
         joined: false,

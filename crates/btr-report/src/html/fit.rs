@@ -6,17 +6,17 @@ use crate::Subject;
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::table::{maybe, number};
-use crate::text::{integrator, interval};
+use crate::text::{integrator, interval, what_remains};
 use btr_core::space::Dim;
 use btr_identify::fit::{Estimate, FitStop};
-use btr_lab::verbs::FitReport;
+use btr_lab::verbs::{ErrorUnit, FitReport};
 
 /// The page of `btr fit`; `u` is the fitted point of the free parameters.
 pub fn fit(subject: &Subject, found: &FitReport, u: &[f64]) -> String {
     let mut blocks = vec![Block::Lead(sentence(found)), subject.input_block()];
     blocks.extend(subject.reserve());
     let lead = Section { title: "Result".to_owned(), blocks };
-    let mut ladder = fall(&found.error_ladder);
+    let mut ladder = fall(&found.error_ladder, ErrorUnit::of(&found.noise_floor));
     ladder.blocks.push(Block::Text(format!("The search ended because {}.", why(found.stop_reason))));
     let mut sections = vec![lead, ladder, values(subject, found)];
     sections.extend(not_identifiable(found));
@@ -33,10 +33,11 @@ fn sentence(found: &FitReport) -> String {
         _ => (first.map_or(f64::NAN, |step| step.train), found.train, "the training logs"),
     };
     let rest = match &found.withheld {
-        None => "what remains is noise",
+        None => what_remains(found.degree),
         Some(_) => "something is still missing, so intervals are withheld",
     };
-    format!("The error on {on} went from {} to {} noise floors: {rest}.", number(from), number(to))
+    let times = ErrorUnit::of(&found.noise_floor).times();
+    format!("The error on {on} went from {} to {} {times}: {rest}.", number(from), number(to))
 }
 
 fn why(ended: FitStop) -> &'static str {

@@ -6,15 +6,17 @@ use super::page::{Block, Section};
 use crate::Subject;
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
-use crate::table::number;
+use crate::table::{maybe, number};
 use crate::text::{line, reserve};
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
-use btr_lab::verbs::{NoiseFloor, VerbInput};
+use btr_lab::verbs::{ErrorUnit, NoiseFloor, VerbInput};
 use std::path::{Path, PathBuf};
 
 /// Axis label of errors.
-pub(super) const FLOORS: &str = "error (noise floors, logarithmic)";
+pub(super) fn axis(unit: ErrorUnit) -> String {
+    format!("error ({}, logarithmic)", unit.times())
+}
 
 impl Subject<'_> {
     /// The model's file name.
@@ -30,9 +32,13 @@ impl Subject<'_> {
             held_out => format!("{}, to which nothing was fitted", files(held_out)),
         };
         let (model, logs) = (self.model(), files(self.logs));
+        let of = match self.input.error_unit() {
+            ErrorUnit::NoiseFloor => "the sensors' noise floor",
+            ErrorUnit::Repeatability => "what runs of the same command differ by",
+        };
         Block::Text(format!(
-            "{model} against {logs}, evaluated on {evaluated_on}. Errors are in multiples of the sensors' noise floor: 1 is \
-             the best that any model can reach."
+            "{model} against {logs}, evaluated on {evaluated_on}. Errors are in multiples of {of}: 1 is the best that any \
+             model can reach."
         ))
     }
 
@@ -82,7 +88,7 @@ impl Subject<'_> {
 }
 
 /// The error ladder: the error after each step.
-pub(super) fn fall(ladder: &[LadderStep]) -> Section {
+pub(super) fn fall(ladder: &[LadderStep], unit: ErrorUnit) -> Section {
     let row = |step: &LadderStep| Row {
         name: step.step.clone(),
         pins: training_and_held_out(step.train, step.held_out),
@@ -92,10 +98,10 @@ pub(super) fn fall(ladder: &[LadderStep]) -> Section {
     let shown = ShownLogs::of(ladder.iter().map(|step| step.held_out));
     let plot = rows(&Rows {
         title: "The error, step by step".to_owned(),
-        label: FLOORS.to_owned(),
+        label: axis(unit),
         notes: shown.head().to_owned(),
         scale: RowScale::Ratio,
-        lines: vec![noise_floor()],
+        lines: vec![least(unit)],
         legend: shown.legend(),
         rows: ladder.iter().map(row).collect(),
         joined: true,
@@ -145,15 +151,21 @@ impl ShownLogs {
     }
 }
 
-/// The line at the noise floor, the lower limit of any model's error.
-pub(super) fn noise_floor() -> (Ink, f64, String) {
-    (Ink::Truth, 1.0, "noise floor".to_owned())
+/// The line at the lower limit of any model's error.
+pub(super) fn least(unit: ErrorUnit) -> (Ink, f64, String) {
+    (Ink::Truth, 1.0, unit.name().to_owned())
 }
 
 /// Noise floors, the integrator's error, the number of rollouts, and findings about the logs.
 pub(super) fn fine_print(input: &VerbInput, floors: &[NoiseFloor], integrator: &str, rollouts: usize) -> Section {
-    let header = ["channel", "noise floor", "unit"].map(str::to_owned).to_vec();
-    let rows = floors.iter().map(|f| vec![f.channel.clone(), number(f.sigma), f.unit.clone()]).collect();
+    let of_runs = ErrorUnit::of(floors) == ErrorUnit::Repeatability;
+    let columns = ["channel", "noise floor", "unit"].into_iter().chain(of_runs.then_some("repeatability"));
+    let header = columns.map(str::to_owned).collect();
+    let row = |f: &NoiseFloor| {
+        let floor = vec![f.channel.clone(), number(f.sigma), f.unit.clone()];
+        floor.into_iter().chain(of_runs.then(|| maybe(f.repeatability))).collect()
+    };
+    let rows = floors.iter().map(row).collect();
     let spent = format!("The {integrator}. Simulated logs: {rollouts}.");
     let doubts = (!input.doubts.is_empty()).then(|| Block::List(input.doubts.iter().map(line).collect()));
     let blocks = [Block::Table { header, rows }, Block::Text(spent)].into_iter().chain(doubts);

@@ -20,6 +20,7 @@ use btr_lab::run::Run;
 use btr_lab::run::execute;
 use btr_lab::run::execute::{FinishedRun, RunObserver, RunStart};
 use btr_lab::run::report::RunReport;
+use btr_lab::verbs::ErrorUnit;
 use btr_report::figures;
 use disengagement::next_step;
 use dry_run::dry_run;
@@ -92,7 +93,7 @@ impl RunObserver for Watcher<'_> {
     }
 
     fn ladder_step(&self, ladder_step: &LadderStep) {
-        common::tell(ladder_step, self.global);
+        common::tell(ladder_step, ErrorUnit::NoiseFloor, self.global);
     }
 
     fn warn(&mut self, line: &str) {

@@ -8,7 +8,7 @@ use crate::diagnose::report::{Evidence, MissingEffect};
 use crate::diagnose::screen::{StartPoint, simulate_worst, with};
 use crate::diagnose::state::DiagnosisState;
 use crate::diagnose::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL};
-use crate::fit::measure::{ComparisonMeasure, NOISE, held_out_squares};
+use crate::fit::measure::{ComparisonMeasure, held_out_squares};
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use crate::residual_model::Needs;
@@ -82,7 +82,7 @@ pub(crate) fn exchange_for_larger(
 ) {
     for index in 0..state.chosen.len() {
         let leaves = chi(state.fit.squares(), objective.samples(LogSet::Learn));
-        if leaves > NOISE
+        if leaves > objective.noise_bound()
             && is_near(objective, state)
             && let Some(pair) = larger_pair(objective, state, index)
         {

@@ -1,10 +1,11 @@
 //! Marginalisation of start states. The start of a log is measured with noise, and its velocities not at all. The
 //! response of the residual to another start state is therefore projected out, so that it is attributed to no parameter
 //! and no effect. Where the start has a prior, with B the responses to one standard deviation of each of its numbers, r
-//! becomes (1 + B·Bᵀ)^(-1/2)·r: white again, as if B's part of it were noise.
+//! becomes (1 + B·Bᵀ)^(-1/2)·r: white again, as if B's part of it were noise. Offsets of whole runs, where these differ
+//! from run to run, are projected out in the same way.
 
 use crate::fit::rollouts::{each, rows_near, shared};
-use crate::residual_model::{ModelDescription, ResidualModel, ResidualRequest, TimeStep};
+use crate::residual_model::{ModelDescription, RecordedLog, ResidualModel, ResidualRequest, TimeStep};
 use nalgebra::{DMatrix, DVector};
 
 /// Smallest norm of a direction, relative to the longest one of its log.
@@ -51,7 +52,9 @@ impl StartStates {
         let rollouts = |log: usize| {
             std::iter::once(Vec::new()).chain(nudged(log)).map(move |n| NudgedRollout::of(description, log, n))
         };
-        let logs = (0..description.logs.len()).filter(|&log| !description.starts[log].numbers.is_empty());
+        let has_offsets = |log: usize| description.logs[log].channels.iter().any(|channel| channel.offset_differs);
+        let is_uncertain = |&log: &usize| !description.starts[log].numbers.is_empty() || has_offsets(log);
+        let logs = (0..description.logs.len()).filter(is_uncertain);
         let rollouts: Vec<NudgedRollout> = logs.flat_map(rollouts).collect();
         let requests: Vec<ResidualRequest> =
             rollouts.iter().map(|rollout| ResidualRequest { u, log: rollout.log, moved: &rollout.moved }).collect();
@@ -66,7 +69,8 @@ impl StartStates {
                 changes.extend(rollout.nudged.iter().map(change));
             }
             changes.sort_by_key(|(number, _)| *number);
-            let changes: Vec<Vec<f64>> = changes.into_iter().map(|(_, change)| change).collect();
+            let changes: Vec<Vec<f64>> =
+                changes.into_iter().map(|(_, change)| change).chain(offsets(&description.logs[log], usual)).collect();
             rows(description, log)
                 .into_iter()
                 .map(|rows| StartWindow::new(rows, &changes, description.start_spread))
@@ -100,6 +104,15 @@ fn change(description: &ModelDescription, log: usize, number: usize, usual: &[f6
         change[row] = if moved.is_finite() { moved } else { 0.0 };
     }
     change
+}
+
+/// An offset of each channel whose offset differs from run to run, where it was measured.
+fn offsets<'a>(log: &'a RecordedLog, usual: &'a [f64]) -> impl Iterator<Item = Vec<f64>> + 'a {
+    log.channels.iter().filter(|channel| channel.offset_differs).map(|channel| {
+        let size = (channel.samples.len().max(1) as f64).sqrt().recip();
+        let at = |row: usize| if channel.samples.contains(&row) && usual[row].is_finite() { size } else { 0.0 };
+        (0..usual.len()).map(at).collect()
+    })
 }
 
 /// The rows of each window of a log.

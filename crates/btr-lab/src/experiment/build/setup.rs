@@ -6,7 +6,7 @@ use crate::experiment::source::FileError;
 use crate::log_quality::usable::is_coarser;
 use btr_core::log::Log;
 use btr_physics::robot::{Base, Robot};
-use btr_physics::sensor::SensorNoise;
+use btr_physics::sensor::{SensorNoise, Unpredictable};
 use btr_physics::setup::{Ball, Ground, Sensors, Setup};
 use nalgebra::{Point3, Vector3};
 
@@ -94,5 +94,10 @@ pub(super) fn noise(section: &NoiseSection) -> SensorNoise {
         foot_n: section.force_n,
         position_quantum: section.position_quantum_rad,
         channels: section.channels.clone(),
+        unpredictable: Unpredictable {
+            position: section.model_rad,
+            torque: section.model_n_m,
+            ..Unpredictable::default()
+        },
     }
 }

@@ -38,6 +38,9 @@ pub struct LogIndexSection {
     /// Parameters that a column sets for each log: `"mass@bob" = { column = "mass" }`.
     #[serde(default)]
     pub columns: IndexMap<String, ColumnSection>,
+    /// A column that says which logs are runs of the same command: those with the same text in it, unless it is empty.
+    /// Without it, logs with equal commands and settings are.
+    pub repeats: Option<String>,
 }
 
 /// One value or several.

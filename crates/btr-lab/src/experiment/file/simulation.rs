@@ -88,7 +88,7 @@ pub struct BallSection {
     pub rolling_damping_per_s: f64,
 }
 
-/// Noise of the sensors: standard deviations of white noise, and quantisation steps.
+/// Noise of the sensors: standard deviations of white noise, and quantisation steps; and what differs from run to run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct NoiseSection {
@@ -108,6 +108,11 @@ pub struct NoiseSection {
     pub force_n: f64,
     /// Single channels, in their units, instead of their kind: `channels = { tau_wrist = 0.09 }`.
     pub channels: IndexMap<String, f64>,
+    /// Standard deviation of joint positions from what the best model could predict, beyond the noise of the encoders,
+    /// in rad: how far runs of the same command differ. Default: measured where logs repeat a command.
+    pub model_rad: f64,
+    /// The same for joint torques, in N·m.
+    pub model_n_m: f64,
 }
 
 fn half() -> f64 {

@@ -14,6 +14,8 @@ pub(crate) struct IndexEntries<'a> {
     section: &'static str,
     rows: Vec<(PathBuf, IndexRow)>,
     columns: Option<&'a IndexMap<String, ColumnSection>>,
+    /// The column that says which logs are runs of the same command.
+    repeats: Option<&'a str>,
 }
 
 impl<'a> IndexEntries<'a> {
@@ -21,11 +23,12 @@ impl<'a> IndexEntries<'a> {
         let (section, index, columns) = match (&file.logs, &file.reality) {
             (Some(logs), _) => ("logs", Some(&logs.index), &logs.columns),
             (None, Some(RealitySection::Logs(logs))) => ("reality", logs.index.as_ref(), &logs.columns),
-            _ => return Ok(IndexEntries { section: "logs", rows: Vec::new(), columns: None }),
+            _ => return Ok(IndexEntries { section: "logs", rows: Vec::new(), columns: None, repeats: None }),
         };
+        let repeats = file.logs.as_ref().and_then(|logs| logs.repeats.as_deref());
         // Without columns the index only lists the logs, and these have been named.
-        let Some(index) = index.filter(|_| !columns.is_empty()) else {
-            return Ok(IndexEntries { section, rows: Vec::new(), columns: None });
+        let Some(index) = index.filter(|_| !columns.is_empty() || repeats.is_some()) else {
+            return Ok(IndexEntries { section, rows: Vec::new(), columns: None, repeats });
         };
         let index = source.folder().join(index);
         let folder = index.parent().unwrap_or(Path::new(""));
@@ -34,7 +37,14 @@ impl<'a> IndexEntries<'a> {
             let name = row.get("file").ok_or_else(|| no_file_column(&index, line))?;
             rows.push((folder.join(name), row));
         }
-        Ok(IndexEntries { section, rows, columns: Some(columns) })
+        Ok(IndexEntries { section, rows, columns: Some(columns), repeats })
+    }
+
+    /// The cell that the log shares with other runs of its command, if the index has such a column.
+    pub(crate) fn repeats(&self, log: &Path, source: &Source) -> Result<Option<String>, FileError> {
+        let (Some(column), Some(row)) = (self.repeats, self.row(log)) else { return Ok(None) };
+        let cell = row.get(column).ok_or_else(|| no_repeats_column(source, column, row))?;
+        Ok(Some(cell.trim().to_owned()).filter(|cell| !cell.is_empty()))
     }
 
     /// The row of a log by its path, or else by its file name, for logs that were copied to another folder.
@@ -87,6 +97,11 @@ pub(super) fn read_index(index: &Path, source: &Source, section: &str) -> Result
         rows.push((line, columns.iter().cloned().zip(record.iter().map(str::to_owned)).collect()));
     }
     Ok(rows)
+}
+
+fn no_repeats_column(source: &Source, column: &str, row: &IndexRow) -> FileError {
+    let has = format!("it has: {}", row.keys().cloned().collect::<Vec<_>>().join(", "));
+    source.error(&["logs", "repeats"], &format!("the index has no column `{column}`"), Some(has.into()))
 }
 
 pub(super) fn no_column(source: &Source, section: &str, key: &str, column: &str, row: &IndexRow) -> FileError {

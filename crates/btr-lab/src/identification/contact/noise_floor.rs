@@ -63,7 +63,9 @@ pub(crate) fn raise(problem: &mut IdentificationProblem, u: &[f64]) -> Result<()
     let shares: Vec<f64> = (0..problem.logs().len()).map(|log| of_scenario(problem.scenario(log))).collect();
     for (log, share) in problem.floors().zip(shares) {
         for channel in &mut log.channels {
-            channel.sigma *= excess.get(&channel.name).map_or(1.0, |excess| (excess * share).max(1.0));
+            let raised = excess.get(&channel.name).map_or(1.0, |excess| (excess * share).max(1.0));
+            channel.sigma *= raised;
+            channel.sensor *= raised;
         }
     }
     Ok(())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from btr.documents._common import Finding, Severity
+from btr.documents._compare import Regime
 from btr.documents._record import Record
 
 GlitchKind = Literal["wrap_around", "zero", "stuck", "spike"]
@@ -110,6 +111,69 @@ class CheckedLog(Record):
     """The response of each joint to its command."""
     findings: list[Finding]
     """All findings."""
+
+
+class RepeatedRegime(Record):
+    """The repeatability of a joint in a regime."""
+
+    regime: Regime
+    """What the joint does."""
+    repeatability: float
+    """Standard deviation of a run from what the robot does on average, in the channel's unit."""
+
+
+class RepeatedChannel(Record):
+    """The repeatability of a channel."""
+
+    channel: str
+    """Name of the channel."""
+    unit: str
+    """SI unit of the channel."""
+    repeatability: float
+    """Standard deviation of a run from what the robot does on average, in `unit`, the sensor's noise included."""
+    offset: float
+    """The part of it that is an offset of the whole run: its standard deviation, in `unit`."""
+    noise_floor: float
+    """The noise floor of its sensor, in `unit`."""
+    independent: float
+    """Number of independent differences between runs that it rests on."""
+    half_below_hz: float | None
+    """The frequency below which half of its variance lies, in Hz; None for logs too short to tell."""
+    regimes: list[RepeatedRegime]
+    """The same by regime, largest first."""
+
+
+class RunOutlier(Record):
+    """A run that differs far more than the others of its command."""
+
+    log: str
+    """Name of the log."""
+    channel: str
+    """The channel in which it does."""
+
+
+class RunDrift(Record):
+    """A command whose runs change in one direction, as while a robot warms up."""
+
+    logs: list[str]
+    """Names of the logs, in their order."""
+    share: float
+    """Share of what differs that follows the order of the runs."""
+
+
+class Repeatability(Record):
+    """How far runs of the same command differ."""
+
+    runs: list[list[str]]
+    """For each command that was given more than once, the names of the logs of its runs."""
+    channels: list[RepeatedChannel]
+    """The repeatability of each compared channel."""
+    outliers: list[RunOutlier]
+    """Runs that differ far more than the others."""
+    drifts: list[RunDrift]
+    """Commands whose runs change in one direction."""
+    advice: str | None
+    """What to record, if the repeatability is not known well."""
 
 
 class Sensitivity(Record):

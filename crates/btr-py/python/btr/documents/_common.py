@@ -30,6 +30,8 @@ Topic = Literal[
 Verdict = Literal["effect_missing", "value_wrong", "partly_explained", "nothing_missing", "unexplained"]
 """The verdict of a diagnosis: the named effects explain the error, corrected values of the model do, what is named
 explains most of it, the residual is noise, or nothing known explains the error."""
+Degree = Literal["explained", "explained_to_repeatability", "partly_explained", "unexplained"]
+"""How far the error is explained: to the sensors' noise, to what runs of the same command differ by, mostly, or not."""
 FitStop = Literal["converged", "effort", "stuck"]
 """Why a fit ended: no further improvement, its effort is spent, or no direction of improvement was found."""
 
@@ -55,7 +57,8 @@ class Doubt(Finding):
 
 
 class LadderStep(Record):
-    """A step of the error ladder. Errors are root mean squares in multiples of the noise floor."""
+    """A step of the error ladder. Errors are root mean squares in multiples of the noise floor, or of what runs of the same
+    command differ by where that is known and more."""
 
     step: str
     """What was done."""
@@ -74,8 +77,30 @@ class NoiseFloor(Record):
     """SI unit of the channel."""
     sigma: float
     """Standard deviation of the sensor's errors, in `unit`."""
+    repeatability: float | None
+    """Standard deviation of a run from what the robot does on average, in `unit`, where runs of the same command show
+    that it is more than `sigma`; errors of the channel are in multiples of it then. None otherwise."""
+    run_offset: float | None
+    """Standard deviation of the offset of a whole run, in `unit`, where it is a good part of what differs: offsets are
+    then left open in every log, and `repeatability` is the rest. None otherwise."""
     assumed: bool
     """Whether `sigma` is an assumption, for readings without any noise."""
+
+
+class RemainingError(Record):
+    """What is left in a channel, on held-out logs if there are any."""
+
+    channel: str
+    """Name of the channel."""
+    unit: str
+    """SI unit of the channel."""
+    rmse: float
+    """Root mean square error, in `unit`."""
+    x_noise_floor: float
+    """The same in multiples of the sensor's noise floor."""
+    x_repeatability: float | None
+    """The same in multiples of what runs of the same command differ by; None where that is not known, or no more than
+    the sensor's noise."""
 
 
 class Estimate(Record):

@@ -64,6 +64,11 @@ class ChannelError(Record):
     """Standard deviation of the sensor's errors, in `unit`."""
     chi: float
     """Error in multiples of the noise floor."""
+    repeatability: float | None
+    """Standard deviation of a run from what the robot does on average, in `unit`, where runs of the same command show
+    that it is more than the noise floor; None otherwise."""
+    x_repeatability: float | None
+    """Error in multiples of it."""
     white: bool
     """Whether the error looks like white noise."""
     independent: bool

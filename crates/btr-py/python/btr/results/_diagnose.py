@@ -22,6 +22,10 @@ class DiagnoseResult(Reported):
 
     verdict: doc.Verdict
     """The verdict."""
+    degree: doc.Degree
+    """How far the error is explained."""
+    remaining: list[doc.RemainingError]
+    """What is left in each channel, on held-out logs if there are any."""
     effects: list[doc.EffectReport]
     """The missing effects; with the verdict `unexplained`, effects that help without explaining the error."""
     wrong_values: list[doc.ValueReport]
@@ -82,12 +86,14 @@ class DiagnoseResult(Reported):
 
     def _headline(self) -> str:
         found = ", ".join(self.names)
+        to_runs = "what remains is no more than runs of the same command differ by"
+        remains = f"; {to_runs}" if self.degree == "explained_to_repeatability" else ""
         if self.verdict == "effect_missing":
-            return f"missing: {found}{self._further()}"
+            return f"missing: {found}{remains}{self._further()}"
         if self.verdict == "value_wrong":
-            return f"wrong in the model: {found}{self._further()}"
+            return f"wrong in the model: {found}{remains}{self._further()}"
         if self.verdict == "nothing_missing":
-            return "nothing is missing: what remains is noise"
+            return f"nothing is missing: {to_runs if remains else 'what remains is noise'}"
         share = f"{100 * self.unexplained_share:.0f} % of the squared error is not noise"
         if self.verdict == "partly_explained":
             return f"partly explained by {found}; something else is missing: {share}{self._further()}"

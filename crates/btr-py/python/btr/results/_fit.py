@@ -33,6 +33,10 @@ class FitResult(Reported):
     """Error on the training logs, in multiples of the noise floor."""
     held_out: float | None
     """Error on the held-out logs, in multiples of the noise floor; None without any."""
+    degree: doc.Degree
+    """How far the error is explained."""
+    remaining: list[doc.RemainingError]
+    """What is left in each channel, on held-out logs if there are any."""
     null_directions: list[doc.NullDirection]
     """Combinations of parameters that the logs do not determine."""
     error_ladder: list[doc.LadderStep]

@@ -20,6 +20,8 @@ class CheckResult(Result):
     """One per log."""
     warnings: list[str]
     """Oddities of logs that can be used all the same."""
+    repeatability: doc.Repeatability
+    """How far runs of the same command differ."""
     parameters: list[doc.Sensitivity]
     """What all logs together determine of each free parameter."""
     rank: int
