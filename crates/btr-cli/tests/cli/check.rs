@@ -106,3 +106,54 @@ fn without_anything_in_doubt_the_logs_are_judged_all_the_same() {
     assert!(document["not_judged"].as_str().unwrap().contains("free parameters"), "{document}");
     assert_eq!(document["logs"][0]["verdict"], "fine");
 }
+
+/// The pendulum on a servo of this gain and damping, late by this delay, follows nine steps of 0.15 to 0.4 rad.
+fn stepped(lab: &Lab, gain: f64, damping: f64, delay_s: f64) -> Value {
+    let levels = [0.0, 0.2, -0.1, 0.15, 0.0, 0.3, 0.1, -0.2, 0.1, 0.25];
+    let row = |i: usize| format!("{:.2},{},0\n", 0.01 * i as f64, levels[i / 200]);
+    lab.write("commands.csv", &format!("t,cmd_hinge,q_hinge\n{}", (0..2000).map(row).collect::<String>()));
+    let effect = format!("[[effects]]\neffect = \"command_delay\"\nsite = \"hinge\"\ndelay = {delay_s}\n[drive]");
+    let servo = MODEL.replace("kp = 10.0", &format!("kp = {gain}")).replace("kd = 0.5", &format!("kd = {damping}"));
+    let model =
+        format!("{}[drive]\nkind = \"replay\"\nlog = \"commands.csv\"\n", &servo[..servo.find("[drive]").unwrap()]);
+    lab.write("stepped.toml", &model.replace("duration_s = 3.0", "duration_s = 20.0"));
+    lab.write("late.toml", &lab.read("stepped.toml").replace("[drive]", &effect));
+    lab.ok("simulate late.toml -q -o exact.csv");
+    let position = lab.read("exact.csv").lines().next().unwrap().split(',').position(|name| name == "q_hinge").unwrap();
+    lab.edit("exact.csv", "read.csv", |row, cells| {
+        if row > 0 {
+            let steps = cells[position].parse::<f64>().unwrap() / 0.0015 + 0.5 * (12.9898 * row as f64).sin();
+            cells[position] = (0.0015 * steps.round()).to_string();
+        }
+        true
+    });
+    std::fs::remove_file(lab.path("exact.csv")).unwrap();
+    lab.json("check stepped.toml read.csv")["logs"][0].clone()
+}
+
+#[test]
+fn dead_time_is_told_apart_from_lag_at_any_gain() {
+    let lab = lab();
+    for (gain, damping, delay_s) in [(15.0, 4.0, 0.04), (400.0, 15.0, 0.04), (400.0, 15.0, 0.0)] {
+        let checked = stepped(&lab, gain, damping, delay_s);
+        let joint = &checked["joints"][0];
+        let [low, high] = [0, 1].map(|k| joint["dead_time_ci95_s"][k].as_f64().unwrap());
+        assert!((joint["dead_time_s"].as_f64().unwrap() - delay_s).abs() < 0.007, "{joint}");
+        assert!(low <= delay_s && delay_s <= high && joint["dead_time_onsets"] == 9, "{joint}");
+        assert!(joint["command_lag"]["lag_s"].as_f64().unwrap() > delay_s + 0.03, "{joint}");
+        let said = checked["findings"].to_string();
+        let [lacking, none] = ["its effect is command_delay@hinge", "no dead time is seen"].map(|it| said.contains(it));
+        assert_eq!((lacking, none), (delay_s > 0.0, delay_s == 0.0), "{said}");
+    }
+    let told = lab.ok("check late.toml read.csv");
+    assert!(!told.contains("the model has no dead time"), "{told}");
+}
+
+#[test]
+fn a_sine_tells_no_dead_time_but_what_to_record() {
+    let checked = lab().json("check scale.toml bare.csv");
+    let joint = &checked["logs"][0]["joints"][0];
+    assert!(joint["dead_time_s"].is_null() && joint["dead_time_onsets"] == 0, "{joint}");
+    let said = checked["logs"][0]["findings"].to_string();
+    assert!(said.contains("record at least three steps"), "{said}");
+}

@@ -1,6 +1,7 @@
-//! Time series on a clock: noise floors, smoothing and derivatives, time shifts, spectra, ripples, and what is missing
-//! in them.
+//! Time series on a clock: noise floors, smoothing and derivatives, time shifts, dead times, spectra, ripples, and what
+//! is missing in them.
 
+pub mod dead_time;
 pub mod fft;
 pub mod glitch;
 pub mod lag;

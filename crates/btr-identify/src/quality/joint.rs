@@ -1,5 +1,6 @@
 //! A joint's channels compared with each other: command, position, velocity.
 
+use super::dead_time;
 use super::frozen::frozen;
 use super::influence::pull;
 use super::report::{CommandResponse, Finding, Severity, Topic};
@@ -40,23 +41,24 @@ const NEAR: f64 = 0.15;
 /// ... and of a position to its command, which servos follow only roughly.
 const NEARLY: f64 = 0.4;
 
-/// Whether a joint follows its command, and with which lag; `None` without commands or readings.
+/// Whether a joint follows its command, with which lag and dead time; `None` without commands or readings.
 pub(super) fn follows(log: &Log, joint: &str) -> Option<(CommandResponse, Vec<Finding>)> {
     let has_values = |channel: &&Channel| channel.values.iter().any(|x| x.is_finite());
     let position = log.channel(&format!("q_{joint}")).filter(has_values)?;
     let command = log.channel(&format!("cmd_{joint}")).filter(has_values)?;
     let lag = lag(log.clock_s(), &command.values, &position.values, MOST_LAG_S);
+    let response = CommandResponse { joint: joint.to_owned(), lag, dead_time: dead_time::of(log, command, position) };
     let mut found: Vec<Finding> = pinned(joint, command, position).into_iter().collect();
     found.extend(in_degrees(joint, command, position, lag));
     if let Some(frozen) = frozen(log, joint, command, position) {
         found.push(frozen);
-        return Some((CommandResponse { joint: joint.to_owned(), lag }, found));
+        return Some((response, found));
     }
     found.push(match reversed(log, joint, command, position, lag) {
         Some(reversed) => reversed,
         None => late(log, joint, command, position, lag),
     });
-    Some((CommandResponse { joint: joint.to_owned(), lag }, found))
+    Some((response, found))
 }
 
 /// A joint that is at the end of its range while its command lies beyond it.

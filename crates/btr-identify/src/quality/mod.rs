@@ -2,6 +2,7 @@
 
 mod channel;
 mod clock;
+mod dead_time;
 mod frozen;
 mod glitches;
 mod influence;
@@ -39,6 +40,7 @@ pub fn check(log: &Log, glitches: Vec<GlitchReport>) -> Quality {
         findings.extend(found);
         quality.joints.push(follows);
     }
+    findings.extend(dead_time::findings(&quality.joints));
     quality.add(findings);
     quality
 }

@@ -1,5 +1,6 @@
 //! What a quality check of a log finds.
 
+use btr_core::signal::dead_time::DeadTime;
 use btr_core::signal::glitch::GlitchKind;
 use btr_core::signal::lag::Lag;
 use serde::{Deserialize, Serialize};
@@ -44,6 +45,8 @@ pub enum Topic {
     Sign,
     /// How late a joint follows its command.
     CommandLag,
+    /// How much of that is dead time.
+    DeadTime,
     /// A command that excites little.
     Excitation,
     /// A log that does not begin where it should.
@@ -151,6 +154,8 @@ pub struct CommandResponse {
     pub joint: String,
     /// Its lag; `None` where it does not follow at all.
     pub lag: Option<Lag>,
+    /// What its steps from rest say of its dead time; `None` where it is not commanded in positions.
+    pub dead_time: Option<DeadTime>,
 }
 
 /// The result of a quality check.

@@ -3,8 +3,11 @@
 use crate::experiment::{CheckedLog, Replays};
 use crate::identification::IdentificationProblem;
 use crate::log_quality::repeats::RepeatReport;
+use btr_core::signal::dead_time::DeadTime;
 use btr_identify::fit::{NullDirection, Objective, Sensitivity, identifiable};
-use btr_identify::quality::CommandResponse;
+use btr_identify::quality::{CommandResponse, Finding, Quality, Severity, Topic};
+use btr_physics::model::Model;
+use btr_physics::robot::site::matches;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -27,7 +30,18 @@ impl CheckReport {
     pub fn document(&self) -> Value {
         let joint = |j: &CommandResponse| {
             let lag = j.lag.map(|lag| json!({ "lag_s": lag.seconds, "sd_s": lag.sd_s, "likeness": lag.correlation }));
-            json!({ "joint": j.joint, "command_lag": lag })
+            let (dead_time, ci95, onsets) = match j.dead_time {
+                Some(DeadTime::Known { seconds, ci95_s, onsets }) => (Some(seconds), Some(ci95_s), onsets),
+                Some(DeadTime::Scattered { onsets, .. } | DeadTime::TooFew { onsets }) => (None, None, onsets),
+                None => (None, None, 0),
+            };
+            json!({
+                "joint": j.joint,
+                "command_lag": lag,
+                "dead_time_s": dead_time,
+                "dead_time_ci95_s": ci95,
+                "dead_time_onsets": onsets,
+            })
         };
         let log = |CheckedLog { log: name, quality }: &CheckedLog| {
             json!({
@@ -76,12 +90,36 @@ pub struct IdentifiabilityReport {
 
 /// Checks the logs, and differentiates the model at its current values by all free parameters.
 pub fn check(replays: Replays) -> CheckReport {
+    let mut logs = replays.checked.clone();
+    for CheckedLog { quality, .. } in &mut logs {
+        quality.add(undelayed(&replays.model, quality));
+    }
     CheckReport {
-        logs: replays.checked.clone(),
+        logs,
         warnings: replays.warnings.clone(),
         repeatability: replays.repeats.report(&replays.model, &replays.logs),
         identifiability: identifiability(replays),
     }
+}
+
+/// Findings for joints that the log shows to have a dead time, and the model does not.
+fn undelayed(model: &Model, quality: &Quality) -> Vec<Finding> {
+    let is_delayed = |joint: &str| {
+        let delays = |name: &str| ["command_delay", "encoder_delay"].contains(&name);
+        model.effects.iter().any(|placed| delays(placed.effect.spec().name) && matches(&placed.site, joint))
+    };
+    let lacking = |of: &CommandResponse| match of.dead_time {
+        Some(DeadTime::Known { seconds, ci95_s: [low, _], .. })
+            if low > 0.0 && of.lag.is_some() && !is_delayed(&of.joint) =>
+        {
+            let (joint, known) = (&of.joint, format!("delay = {seconds:.4}"));
+            let sentence =
+                format!("the model has no dead time at {joint}: its effect is command_delay@{joint} with {known}");
+            Some(Finding::new(Topic::DeadTime, Severity::Fine, joint, sentence))
+        }
+        _ => None,
+    };
+    quality.joints.iter().filter_map(lacking).collect()
 }
 
 fn identifiability(replays: Replays) -> IdentifiabilityReport {

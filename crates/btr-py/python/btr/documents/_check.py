@@ -69,6 +69,14 @@ class CommandResponse(Record):
     """Name of the joint."""
     command_lag: CommandLag | None
     """The lag; None if the joint does not follow its command."""
+    dead_time_s: float | None
+    """The part of the lag in which the joint does not move at all after a step of its command, in s: communication and
+    buffers. Slightly negative ones are noise. None without three steps from rest, if these disagree, or if the joint is
+    not commanded in positions."""
+    dead_time_ci95_s: tuple[float, float] | None
+    """Its 95 % interval, in s, with half a sample to both sides."""
+    dead_time_onsets: int
+    """Number of steps from rest whose onset was measured."""
 
 
 class Glitch(Record):

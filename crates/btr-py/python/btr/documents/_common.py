@@ -23,6 +23,7 @@ Topic = Literal[
     "actuator",
     "sign",
     "command_lag",
+    "dead_time",
     "excitation",
     "start",
 ]
