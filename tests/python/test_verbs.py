@@ -66,6 +66,18 @@ def test_fitted_numbers_as_a_frame_have_the_ends_of_their_intervals(arm: btr.Mod
     assert friction["low"] < friction["value"] < friction["high"] and not friction["at_bound"]
 
 
+def test_frozen_parameters_keep_their_values(arm: btr.Model) -> None:
+    fitted = btr.fit(arm, LEARN[:1], freeze="mass@*")
+    must_be_typed(fitted)
+    assert fitted.frozen == [name for name in arm.values if name.startswith("mass@")] != []
+    free = [name for name in arm.values if name not in fitted.frozen]
+    assert list(fitted.values) == [dim.name for dim in fitted.space] == free
+    assert all(fitted.model.values[name] == arm.values[name] for name in fitted.frozen)
+    assert btr.diagnose(arm, LEARN[:1], freeze=["*"], max_rollouts=1).frozen == list(arm.values)
+    with pytest.raises(btr.BtrError, match="matches no free parameter"):
+        btr.fit(arm, LEARN[:1], freeze=["mas@*"])
+
+
 def test_settings_need_no_quotes_but_names_that_are_names(arm: btr.Model) -> None:
     known = btr.load_model(ARM, {"parameters.mass@upper.relative": (0.5, 2.0)})
     (mass,) = (dim for dim in known.parameters if dim["name"] == "mass@upper")

@@ -236,6 +236,10 @@ pub(crate) struct LogArgs {
     /// Held-out logs, which are not fitted; put this option after MODEL and LOG: it takes all arguments that follow
     #[arg(long, num_args = 1.., value_name = "LOG")]
     pub(crate) held_out: Vec<PathBuf>,
+    /// Keep the free parameters of this name at the model's values; `*` matches any characters: 'mass@*',
+    /// 'coulomb_friction.*@*'
+    #[arg(long, value_name = "PATTERN")]
+    pub(crate) freeze: Vec<String>,
     /// Write the result and its plots into one HTML file
     #[arg(long, value_name = "HTML")]
     pub(crate) report: Option<PathBuf>,

@@ -71,12 +71,14 @@ pub(crate) fn diagnose(
     max_effects: Option<usize>,
     max_rollouts: Option<usize>,
     max_time_s: Option<f64>,
+    freeze: Vec<String>,
     tell: Py<PyAny>,
     executor: Option<ExecutorChoice>,
 ) -> PyResult<(String, Page, Option<Log>, String)> {
     let (logs, held_out, context) = (sources(logs), sources(held_out), model.context(py, executor)?);
     working(py, &context, || {
-        let input = VerbInput::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
+        let input = VerbInput::new(model.source.clone(), &logs, &held_out).and_then(|input| input.freezing(&freeze));
+        let input = input.map_err(Raise::raise)?;
         let question = input.options(max_effects, max_rollouts);
         let heard = |ladder_step: &LadderStep| say(&context, &tell, ladder_step);
         let family = served(&input, &context)?;
@@ -94,15 +96,17 @@ pub(crate) fn diagnose(
     })
 }
 
-/// The free parameters at their best, with effects added first: the answer, its page, the numbers as they were (JSON)
-/// and the fitted model's text.
+/// The free parameters at their best, with effects added first and some parameters frozen: the answer, its page, the
+/// numbers as they were (JSON) and the fitted model's text.
 #[pyfunction]
+#[allow(clippy::too_many_arguments, reason = "called from one place, by name there")]
 pub(crate) fn fit(
     py: Python<'_>,
     model: &Model,
     logs: Vec<LogArgument>,
     held_out: Vec<LogArgument>,
     add: Vec<String>,
+    freeze: Vec<String>,
     tell: Py<PyAny>,
     executor: Option<ExecutorChoice>,
 ) -> PyResult<(String, Page, String, String)> {
@@ -110,16 +114,18 @@ pub(crate) fn fit(
     working(py, &context, || {
         let source = model.source.clone();
         let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
-        let input = VerbInput::with(source, replays, &add).map_err(Raise::raise)?;
-        if input.problem.model().simulations.is_empty() {
-            return Err(Failure::nothing_to_fit().raise());
+        let input = VerbInput::with(source, replays, &add).and_then(|input| input.freezing(&freeze));
+        let input = input.map_err(Raise::raise)?;
+        if let Some(failure) = Failure::nothing_to_fit(&input) {
+            return Err(failure.raise());
         }
         let heard = |ladder_step: &LadderStep| say(&context, &tell, ladder_step);
         let family = served(&input, &context)?;
         let (found, fit, step) =
             verbs::fit(&input, &family, &heard).map_err(|error| Failure::simulation_failure(&input, &error).raise())?;
         let text = input.fitted_text(&fit, step, input.source.folder()).map_err(|e| raised(e.to_string(), None))?;
-        let (document, space) = (json!(found).to_string(), json!(input.problem.model().simulations.dims()).to_string());
+        let space = json!(input.free_dims().collect::<Vec<_>>()).to_string();
+        let document = json!(found).to_string();
         let (logs, held_out, u) = (names(&logs), names(&held_out), fit.u);
         let page = move || html::fit(&Subject { input: &input, logs: &logs, held_out: &held_out }, &found, &u);
         Ok((document, Page::new(&model.source, page), space, text))

@@ -42,6 +42,11 @@ pub fn reserve(doubts: &[Doubt], not_judged: &[String]) -> Vec<String> {
     sentences
 }
 
+/// States which parameters kept the model's values, if any did.
+pub fn frozen(names: &[String]) -> Option<String> {
+    (!names.is_empty()).then(|| format!("frozen at the model's values: {}", names.join(", ")))
+}
+
 /// States which joints were not measured.
 pub fn unmeasured(joints: &[String]) -> String {
     let was = if joints.len() == 1 { "was" } else { "were" };
@@ -191,6 +196,7 @@ pub fn fit_command(report: &DiagnoseReport, subject: &Subject) -> Option<String>
     let paths = |paths: &[PathBuf]| paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(" ");
     let held_out =
         if subject.held_out.is_empty() { String::new() } else { format!(" --held-out {}", paths(subject.held_out)) };
+    let freezes: String = subject.input.frozen.iter().map(|name| format!(" --freeze {name}")).collect();
     let (model, logs, adds) = (model.display(), paths(subject.logs), adds.join(" "));
-    Some(format!("btr fit {model} {logs}{held_out} {adds} -o fitted.toml"))
+    Some(format!("btr fit {model} {logs}{held_out} {adds}{freezes} -o fitted.toml"))
 }

@@ -26,7 +26,9 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(commands).chain(model);
     guard(outputs, inputs(&source, args.logs_args.all_logs()))?;
     let (replays, doubts) = common::replays(&source, &args.logs_args.logs, &args.logs_args.held_out, global)?;
-    let input = VerbInput::of(source, replays).map_err(|e| Failure::input(e, &doubts))?;
+    let input = VerbInput::of(source, replays)
+        .and_then(|input| input.freezing(&args.logs_args.freeze))
+        .map_err(|e| Failure::input(e, &doubts))?;
     let question = input.options(args.max_effects, args.max_rollouts);
     let tell = |ladder_step: &_| common::tell(ladder_step, global);
     let interrupted = watch_for_interrupts("finishing with the best so far")?;
@@ -89,6 +91,7 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
     report.shows_left_over().iter().for_each(|sentence| println!("{sentence}"));
     report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));
     btr_report::text::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
+    btr_report::text::frozen(&report.frozen).iter().for_each(|sentence| println!("{sentence}"));
     for effect in &report.effects {
         finding(&format!("{}@{}", effect.effect, effect.site), &effect.support);
         let mut table = Table::new(&btr_report::text::ESTIMATES);

@@ -18,9 +18,11 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
     let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(model);
     guard(outputs, inputs(&source, args.logs_args.all_logs()))?;
     let (replays, doubts) = common::replays(&source, &args.logs_args.logs, &args.logs_args.held_out, global)?;
-    let input = VerbInput::with(source, replays, &args.add).map_err(|e| Failure::input(e, &doubts))?;
-    if input.problem.model().simulations.is_empty() {
-        return Err(Failure::nothing_to_fit());
+    let input = VerbInput::with(source, replays, &args.add)
+        .and_then(|input| input.freezing(&args.logs_args.freeze))
+        .map_err(|e| Failure::input(e, &doubts))?;
+    if let Some(failure) = Failure::nothing_to_fit(&input) {
+        return Err(failure);
     }
     let (report, fit, step) = verbs::fit(&input, &input.problem, &|step| common::tell(step, global))
         .map_err(|error| Failure::simulation_failure(&input, &error))?;
@@ -51,6 +53,7 @@ fn show(report: &FitReport) {
     let mut table = Table::new(&btr_report::text::ESTIMATES);
     report.parameters.iter().for_each(|estimate| table.row(btr_report::text::estimate(estimate)));
     println!("{}", table.render());
+    btr_report::text::frozen(&report.frozen).iter().for_each(|sentence| println!("{sentence}"));
     if report.parameters.iter().any(|estimate| estimate.by_bounds && !estimate.at_bound) {
         println!("\nby its bounds: the interval follows from the bounds; the logs alone determine less");
     }

@@ -8,6 +8,7 @@ mod compare;
 mod determinism;
 mod disengage;
 mod doubts;
+mod freeze;
 mod glitches;
 mod inverse_dynamics;
 mod lab;

@@ -19,6 +19,8 @@ pub struct VerbInput {
     pub doubts: Vec<Doubt>,
     /// Joints without measurements: results do not cover them.
     pub not_judged: Vec<String>,
+    /// Parameters that keep the model's values, by name.
+    pub frozen: Vec<String>,
     /// The logs as they were read.
     pub recordings: Recordings,
 }
@@ -69,7 +71,8 @@ impl VerbInput {
             return Err(ProblemError::Short(longest));
         }
         let problem = IdentificationProblem::new(Arc::new(replays.model), replays.logs, &[])?;
-        Ok(VerbInput { source, problem, doubts, not_judged, recordings: replays.recordings })
+        let frozen = Vec::new();
+        Ok(VerbInput { source, problem, doubts, not_judged, frozen, recordings: replays.recordings })
     }
 
     /// The same with effects added to the model, their bounds scaled to the robot's motion in the logs; `replays` is

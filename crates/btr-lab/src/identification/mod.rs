@@ -6,6 +6,7 @@ mod bare;
 mod candidates;
 mod catalogue;
 mod contact;
+mod freeze;
 mod input;
 mod log_parts;
 mod measured;

@@ -60,8 +60,7 @@ impl VerbInput {
         let source = Source { text, ..self.source.clone() };
         let added = found.iter().flat_map(|found| problem.candidates()[found.candidate].parameters());
         let added = added.map(|k| (parameters[k].name.as_str(), parameters[k].value(fit.u[k])));
-        let free = problem.model().simulations.dims().iter().map(|dim| dim.name.as_str()).zip(self.values(fit));
-        let text = adapted(&source, free.chain(added), into)?;
+        let text = adapted(&source, self.values(fit).chain(added), into)?;
         let setup = &problem.model().setup;
         Ok(if *step == TimeStep::USUAL { text } else { in_finer_steps(&text, setup, step.divides_by())? })
     }
@@ -116,6 +115,7 @@ pub fn diagnose(
         time_step_s: input.time_step_s(objective.step()),
         doubts: input.doubts.clone(),
         not_judged: input.not_judged.clone(),
+        frozen: input.frozen.clone(),
         at_bound: diagnosis.at_bound.clone(),
         cut_short: diagnosis.cut_short,
         rollouts: diagnosis.rollouts,

@@ -184,6 +184,9 @@ pub struct DiagnoseReport {
     pub doubts: Vec<Doubt>,
     /// Joints without measurements: the result does not cover them.
     pub not_judged: Vec<String>,
+    /// Parameters that kept the model's values, by name.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub frozen: Vec<String>,
     /// Free parameters that ended at a bound: the bounds may cause the remaining error.
     pub at_bound: Vec<String>,
     /// Whether the diagnosis was stopped before it had finished: this is the best so far.

@@ -2,6 +2,7 @@
 
 use crate::identification::{Doubt, NoiseFloor, VerbInput};
 use crate::model_text::{adapted, in_finer_steps};
+use btr_core::space::Dim;
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_identify::fit::{Estimate, FitPoint, FitStop, NullDirection, Objective};
@@ -38,6 +39,9 @@ pub struct FitReport {
     pub doubts: Vec<Doubt>,
     /// Joints without measurements: the result does not cover them.
     pub not_judged: Vec<String>,
+    /// Parameters that kept the model's values, by name.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub frozen: Vec<String>,
     /// Discretisation error in multiples of the noise floor.
     pub integrator_error: f64,
     /// Time step of the fit, in s; finer than the model's if that is too coarse.
@@ -74,6 +78,7 @@ pub fn fit(
         noise_floor: input.floors(),
         doubts: input.doubts.clone(),
         not_judged: input.not_judged.clone(),
+        frozen: input.frozen.clone(),
         integrator_error: fitted.integrator_error,
         time_step_s: input.time_step_s(fitted.step),
         rollouts: fitted.rollouts,
@@ -88,8 +93,7 @@ impl VerbInput {
     /// # Errors
     /// A text that is not TOML; it was parsed before, so this does not happen.
     pub fn fitted_text(&self, fit: &FitPoint, step: TimeStep, into: &Path) -> Result<String, TomlError> {
-        let names = self.problem.model().simulations.dims().iter().map(|dim| dim.name.as_str());
-        let text = adapted(&self.source, names.zip(self.values(fit)), into)?;
+        let text = adapted(&self.source, self.values(fit), into)?;
         let setup = &self.problem.model().setup;
         if step == TimeStep::USUAL { Ok(text) } else { in_finer_steps(&text, setup, step.divides_by()) }
     }
@@ -99,12 +103,10 @@ impl VerbInput {
         self.problem.model().setup.dt_s / f64::from(step.divides_by())
     }
 
-    /// The values of the free parameters at a fit, in the order of the model's space.
-    pub fn values(&self, fit: &FitPoint) -> Vec<f64> {
-        let dims = self.problem.model().simulations.dims();
-        let value = |(&k, dim): (&usize, &btr_core::space::Dim)| {
-            self.problem.parameters()[k].value(fit.u[k]).clamp(dim.min, dim.max)
-        };
-        self.problem.free().iter().zip(dims).map(value).collect()
+    /// The free parameters at a fit: their names and values.
+    pub(super) fn values(&self, fit: &FitPoint) -> impl Iterator<Item = (&str, f64)> {
+        let value = |(&k, dim): (&usize, &Dim)| self.problem.parameters()[k].value(fit.u[k]).clamp(dim.min, dim.max);
+        let values: Vec<f64> = self.problem.free().iter().zip(self.free_dims()).map(value).collect();
+        self.free_dims().map(|dim| dim.name.as_str()).zip(values)
     }
 }

@@ -157,6 +157,7 @@ def diagnose(
     max_effects: int | None,
     max_rollouts: int | None,
     max_time_s: float | None,
+    freeze: Sequence[str],
     tell: _Tell,
     executor: int | _Executor | None,
 ) -> tuple[str, Page, Log | None, str]: ...
@@ -166,6 +167,7 @@ def fit(
     logs: Sequence[_Given],
     held_out: Sequence[_Given],
     add: Sequence[str],
+    freeze: Sequence[str],
     tell: _Tell,
     executor: int | _Executor | None,
 ) -> tuple[str, Page, str, str]: ...

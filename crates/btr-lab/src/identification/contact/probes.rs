@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// finite difference.
 const UNIT: f64 = 3.0;
 const REACH: f64 = 0.3;
-/// Largest factor for a unit, and largest step of a free parameter in standard deviations.
+/// Largest factor for a unit, and largest step of a parameter of the model in standard deviations.
 const LARGEST: f64 = 30.0;
 const WIDEST: f64 = 0.5;
 
@@ -23,8 +23,8 @@ struct ParameterTrial {
     by: f64,
 }
 
-/// Enlarges the units of amplitudes and the steps of free parameters until their responses show in the log that the
-/// model explains least at its current values. The units of limits stay unchanged.
+/// Enlarges the units of amplitudes and the steps of the model's own parameters until their responses show in the log
+/// that the model explains least at its current values. The units of limits stay unchanged.
 pub(in crate::identification) fn enlarge(problem: &mut IdentificationProblem) -> Result<(), WorldError> {
     let origin = vec![0.0; problem.parameters.len()];
     let Some((log, baseline)) = worst(problem, &origin)? else { return Ok(()) };
@@ -72,9 +72,9 @@ fn worst(problem: &IdentificationProblem, origin: &[f64]) -> Result<Option<(usiz
     Ok(worst.map(|(_, log, residual)| (log, residual)))
 }
 
-/// Changes of the free parameters by their steps, and of the amplitudes of effects by a unit.
+/// Changes of the model's own parameters by their steps, and of the amplitudes of effects by a unit.
 fn trials(problem: &IdentificationProblem) -> Vec<ParameterTrial> {
-    let free = problem.free.iter().map(|&parameter| {
+    let own = problem.own().map(|parameter| {
         let by = problem.parameters[parameter].reach;
         ParameterTrial { parameter, near: Vec::new(), shapes: Vec::new(), by }
     });
@@ -90,7 +90,7 @@ fn trials(problem: &IdentificationProblem) -> Vec<ParameterTrial> {
             ParameterTrial { parameter, near: near.clone(), shapes: shapes.clone(), by }
         })
     });
-    free.chain(of_candidates).collect()
+    own.chain(of_candidates).collect()
 }
 
 /// Response of a log to a change, in noise floors: the root mean square in the most sensitive channel.

@@ -53,6 +53,8 @@ class DiagnoseResult(Reported):
     """Findings about the logs that make the result doubtful, as `check` reports them."""
     not_judged: list[str]
     """Joints without any measurement: the result does not cover them."""
+    frozen: list[str]
+    """Parameters that kept the model's values (`freeze`), by name."""
     at_bound: list[str]
     """Free parameters that ended at a bound; the bounds may cause the remaining error."""
     cut_short: bool

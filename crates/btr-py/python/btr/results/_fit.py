@@ -47,6 +47,8 @@ class FitResult(Reported):
     """Findings about the logs that make the result doubtful, as `check` reports them."""
     not_judged: list[str]
     """Joints without any measurement: the result does not cover them."""
+    frozen: list[str]
+    """Parameters that kept the model's values (`freeze`), by name."""
     integrator_error: float
     """Error of the time integration, in multiples of the noise floor."""
     time_step_s: float
