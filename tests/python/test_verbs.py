@@ -78,6 +78,14 @@ def test_frozen_parameters_keep_their_values(arm: btr.Model) -> None:
         btr.fit(arm, LEARN[:1], freeze=["mas@*"])
 
 
+def test_a_fitted_model_keeps_what_its_logs_left(arm: btr.Model) -> None:
+    first = btr.fit(arm, LEARN[:1], add="coulomb_friction@yaw", freeze="mass@*")
+    assert first.with_prior == [] and "sd = " in first.model.text
+    after = btr.fit(first.model, LEARN[1:2], freeze="mass@*")
+    must_be_typed(after)
+    assert after.with_prior and set(after.with_prior) <= set(after.values)
+
+
 def test_settings_need_no_quotes_but_names_that_are_names(arm: btr.Model) -> None:
     known = btr.load_model(ARM, {"parameters.mass@upper.relative": (0.5, 2.0)})
     (mass,) = (dim for dim in known.parameters if dim["name"] == "mass@upper")

@@ -40,6 +40,7 @@
 //!     law: Parametrisation::Linear,
 //!     bounds: (-10.0, 10.0),
 //!     spread: 1.0,
+//!     known: None,
 //!     reach: 0.05,
 //!     amplitude: false,
 //! };

@@ -123,7 +123,8 @@ pub(crate) fn fit(
         let family = served(&input, &context)?;
         let (found, fit, step) =
             verbs::fit(&input, &family, &heard).map_err(|error| Failure::simulation_failure(&input, &error).raise())?;
-        let text = input.fitted_text(&fit, step, input.source.folder()).map_err(|e| raised(e.to_string(), None))?;
+        let text = input.fitted_text(&found, &fit, step, input.source.folder());
+        let text = text.map_err(|e| raised(e.to_string(), None))?;
         let space = json!(input.free_dims().collect::<Vec<_>>()).to_string();
         let document = json!(found).to_string();
         let (logs, held_out, u) = (names(&logs), names(&held_out), fit.u);

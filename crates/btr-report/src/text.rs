@@ -42,9 +42,11 @@ pub fn reserve(doubts: &[Doubt], not_judged: &[String]) -> Vec<String> {
     sentences
 }
 
-/// States which parameters kept the model's values, if any did.
-pub fn frozen(names: &[String]) -> Option<String> {
-    (!names.is_empty()).then(|| format!("frozen at the model's values: {}", names.join(", ")))
+/// States which parameters kept the model's values, and which have a prior of earlier logs, where there are any.
+pub fn given(frozen: &[String], with_prior: &[String]) -> Vec<String> {
+    let list = |what: &str, names: &[String]| (!names.is_empty()).then(|| format!("{what}: {}", names.join(", ")));
+    let prior = "prior from earlier logs (sd in the model file), which must not be among these";
+    list("frozen at the model's values", frozen).into_iter().chain(list(prior, with_prior)).collect()
 }
 
 /// States which joints were not measured.

@@ -91,7 +91,7 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
     report.shows_left_over().iter().for_each(|sentence| println!("{sentence}"));
     report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));
     btr_report::text::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
-    btr_report::text::frozen(&report.frozen).iter().for_each(|sentence| println!("{sentence}"));
+    btr_report::text::given(&report.frozen, &report.with_prior).iter().for_each(|sentence| println!("{sentence}"));
     for effect in &report.effects {
         finding(&format!("{}@{}", effect.effect, effect.site), &effect.support);
         let mut table = Table::new(&btr_report::text::ESTIMATES);

@@ -28,7 +28,8 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
         .map_err(|error| Failure::simulation_failure(&input, &error))?;
     if let Some(output) = &args.output {
         let into = output.parent().unwrap_or(output);
-        let text = input.fitted_text(&fit, step, into).map_err(|e| Failure::new("file", e.to_string(), None))?;
+        let text =
+            input.fitted_text(&report, &fit, step, into).map_err(|e| Failure::new("file", e.to_string(), None))?;
         write_text(output, &text)?;
     }
     if let Some(path) = &args.logs_args.report {
@@ -53,7 +54,7 @@ fn show(report: &FitReport) {
     let mut table = Table::new(&btr_report::text::ESTIMATES);
     report.parameters.iter().for_each(|estimate| table.row(btr_report::text::estimate(estimate)));
     println!("{}", table.render());
-    btr_report::text::frozen(&report.frozen).iter().for_each(|sentence| println!("{sentence}"));
+    btr_report::text::given(&report.frozen, &report.with_prior).iter().for_each(|sentence| println!("{sentence}"));
     if report.parameters.iter().any(|estimate| estimate.by_bounds && !estimate.at_bound) {
         println!("\nby its bounds: the interval follows from the bounds; the logs alone determine less");
     }

@@ -12,6 +12,7 @@ mod freeze;
 mod glitches;
 mod inverse_dynamics;
 mod lab;
+mod priors;
 mod real_arm;
 mod real_servo;
 mod realities;

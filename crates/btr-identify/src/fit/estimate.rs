@@ -39,6 +39,10 @@ pub struct Estimate {
     pub at_bound: bool,
     /// Whether the interval is due to bounds of this and other parameters rather than to the logs.
     pub by_bounds: bool,
+    /// Standard deviation of its prior on further logs, in its unit, so wide that independent priors are in no
+    /// direction narrower than what these logs leave; none without an interval, or with one that is due to bounds.
+    #[serde(skip)]
+    pub prior_sd: Option<f64>,
 }
 
 /// Whether estimates have intervals.
@@ -61,8 +65,9 @@ pub fn estimates(
 ) -> Vec<(usize, Estimate)> {
     let given = intervals == Intervals::Given;
     let (description, parameters) = (&objective.description, objective.parameters());
-    let deviations_within = deviations(parameters, fit, inflation, 1.0);
-    let by_logs = deviations(parameters, fit, inflation, LOOSE);
+    let covariance = covariance(parameters, fit, inflation, 1.0);
+    let (deviations_within, widening) = (covariance.as_ref().map(roots), covariance.as_ref().map(independent));
+    let by_logs = self::covariance(parameters, fit, inflation, LOOSE).as_ref().map(roots);
     let by_clusters = by_clusters(description, fit);
     let by_step = if given { by_step(objective, fit) } else { None };
     let estimate = |(k, &index): (usize, &usize)| {
@@ -76,8 +81,10 @@ pub fn estimates(
         let deviation = deviation.map(|d| by_step.as_ref().map_or(d, |by_step| d.hypot(by_step[k])));
         let ends = |d: f64| [-1.0, 1.0].map(|side| parameter.value(parameter.along(u, side * NINETY_FIVE * d)));
         let ci95 = deviation.map(ends).map(|[a, b]| [a.min(b), a.max(b)]);
+        let prior_sd = deviation.zip(widening.as_ref()).filter(|_| !by_bounds);
+        let prior_sd = prior_sd.map(|(d, widening)| widening[k] * d * parameter.slope(u).abs());
         let (name, unit) = (parameter.name.clone(), parameter.unit.clone());
-        (index, Estimate { name, unit, value: parameter.value(u), ci95, at_bound, by_bounds })
+        (index, Estimate { name, unit, value: parameter.value(u), ci95, at_bound, by_bounds, prior_sd })
     };
     fit.active.iter().enumerate().map(estimate).collect()
 }
@@ -85,13 +92,25 @@ pub fn estimates(
 /// The information of the logs, JᵀJ in units of the priors, so that it can be compared with that of the priors.
 pub(super) fn information(parameters: &[FitParameter], fit: &FitPoint) -> Option<DMatrix<f64>> {
     let jacobian = fit.jacobian.as_ref()?;
+    let sd = |k: usize| parameters[fit.active[k]].prior_sd();
+    let information = jacobian.tr_mul(jacobian);
+    Some(information.map_with_location(|i, j, x| x * sd(i) * sd(j)))
+}
+
+/// The information of these logs and of earlier ones, in units of what is expected before any log.
+pub(super) fn information_of_all(parameters: &[FitParameter], fit: &FitPoint) -> Option<DMatrix<f64>> {
+    let jacobian = fit.jacobian.as_ref()?;
     let spread = |k: usize| parameters[fit.active[k]].spread;
     let information = jacobian.tr_mul(jacobian);
-    Some(information.map_with_location(|i, j, x| x * spread(i) * spread(j)))
+    let mut information = information.map_with_location(|i, j, x| x * spread(i) * spread(j));
+    for (k, &index) in fit.active.iter().enumerate() {
+        information[(k, k)] += parameters[index].known.map_or(0.0, |sd| (spread(k) / sd).powi(2));
+    }
+    Some(information)
 }
 
 /// Precision of the free coordinates, with the residual's variance `inflation` times the noise's and priors widened by
-/// the factor `looser`.
+/// the factor `looser`, except those of earlier logs.
 fn posterior_precision(
     parameters: &[FitParameter],
     fit: &FitPoint,
@@ -101,14 +120,24 @@ fn posterior_precision(
     let jacobian = fit.jacobian.as_ref()?;
     let mut information = jacobian.tr_mul(jacobian) / inflation;
     for (k, &parameter) in fit.active.iter().enumerate() {
-        information[(k, k)] += (looser * parameters[parameter].spread).powi(-2);
+        let FitParameter { spread, known, .. } = parameters[parameter];
+        information[(k, k)] += known.unwrap_or(looser * spread).powi(-2);
     }
     Some(information)
 }
 
-/// Standard deviation of each free coordinate.
-fn deviations(parameters: &[FitParameter], fit: &FitPoint, inflation: f64, looser: f64) -> Option<Vec<f64>> {
-    posterior_precision(parameters, fit, inflation, looser)?.try_inverse().map(|covariance| roots(&covariance))
+/// Covariance of the free coordinates.
+fn covariance(parameters: &[FitParameter], fit: &FitPoint, inflation: f64, looser: f64) -> Option<DMatrix<f64>> {
+    posterior_precision(parameters, fit, inflation, looser)?.try_inverse()
+}
+
+/// For each coordinate, the factor on its deviation with which independent coordinates vary in no direction less than
+/// together: their covariance minus this one is diagonally dominant.
+fn independent(covariance: &DMatrix<f64>) -> Vec<f64> {
+    let deviations = roots(covariance);
+    let correlation = |i: usize, j: usize| covariance[(i, j)].abs() / (deviations[i] * deviations[j]);
+    let all = 0..deviations.len();
+    all.clone().map(|i| all.clone().map(|j| correlation(i, j)).sum::<f64>().sqrt()).collect()
 }
 
 fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
@@ -183,10 +212,11 @@ pub struct NullDirection {
     pub sentence: String,
 }
 
-/// Directions of the free parameters about which the logs have less than `NULL` of the priors' information: first the
+/// Directions of the free parameters about which these logs and earlier ones have less than `NULL` of the information
+/// of what is expected before any log: first the
 /// parameters that are dead by themselves, then combinations of the others, each of as few as possible.
 pub fn null_directions(parameters: &[FitParameter], fit: &FitPoint) -> Vec<NullDirection> {
-    let Some(information) = information(parameters, fit) else { return Vec::new() };
+    let Some(information) = information_of_all(parameters, fit) else { return Vec::new() };
     let (dead, alive): (Vec<usize>, Vec<usize>) = (0..information.nrows()).partition(|&k| is_dead(information[(k, k)]));
     let alone = dead.iter().map(|&k| vec![(k, 1.0)]);
     let among = null_space(&information.select_rows(&alive).select_columns(&alive));
@@ -306,6 +336,15 @@ fn factor(parts: &[&DirectionPart]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn independent_deviations_are_in_no_direction_narrower() {
+        let covariance = DMatrix::from_row_slice(3, 3, &[4.0, 1.9, 0.0, 1.9, 1.0, 0.1, 0.0, 0.1, 9.0]);
+        let widened = DVector::from_vec(independent(&covariance)).component_mul(&DVector::from_vec(roots(&covariance)));
+        let difference = DMatrix::from_diagonal(&widened.component_mul(&widened)) - &covariance;
+        assert!(difference.symmetric_eigenvalues().min() > -1e-12);
+        assert_eq!(independent(&DMatrix::from_diagonal(&DVector::from_vec(vec![4.0, 1.0]))), [1.0, 1.0]);
+    }
 
     #[test]
     fn two_mixed_pairs_are_separated_into_pairs() {

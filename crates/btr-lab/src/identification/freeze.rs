@@ -1,4 +1,4 @@
-//! Free parameters that a fit or a diagnosis keeps at the model's values.
+//! Which parameters of the model a fit or a diagnosis keeps at their values, and which have a prior of earlier logs.
 
 use super::input::VerbInput;
 use super::problem_error::ProblemError;
@@ -33,5 +33,17 @@ impl VerbInput {
     pub fn free_dims(&self) -> impl Iterator<Item = &Dim> {
         let dims = self.problem.model().simulations.dims();
         self.problem.free().iter().map(|&k| &dims[k])
+    }
+
+    /// The standard deviation that earlier logs leave of a parameter, in its unit.
+    pub(crate) fn earlier_sd(&self, name: &str) -> Option<f64> {
+        let model = self.problem.model();
+        model.prior_sd(model.simulations.dims().iter().position(|dim| dim.name == name)?)
+    }
+
+    /// The free parameters whose prior is what earlier logs left, by name.
+    pub fn with_prior(&self) -> Vec<String> {
+        let names = self.free_dims().map(|dim| dim.name.as_str());
+        names.filter(|name| self.earlier_sd(name).is_some()).map(str::to_owned).collect()
     }
 }

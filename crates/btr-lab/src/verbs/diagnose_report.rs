@@ -187,6 +187,9 @@ pub struct DiagnoseReport {
     /// Parameters that kept the model's values, by name.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub frozen: Vec<String>,
+    /// Free parameters whose prior is what earlier logs left (`sd` in the model file), by name.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub with_prior: Vec<String>,
     /// Free parameters that ended at a bound: the bounds may cause the remaining error.
     pub at_bound: Vec<String>,
     /// Whether the diagnosis was stopped before it had finished: this is the best so far.

@@ -1,7 +1,7 @@
 //! `fit`: estimates of the free parameters with their uncertainties.
 
 use crate::identification::{Doubt, NoiseFloor, VerbInput};
-use crate::model_text::{adapted, in_finer_steps};
+use crate::model_text::{FittedValue, adapted, in_finer_steps};
 use btr_core::space::Dim;
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
@@ -42,6 +42,9 @@ pub struct FitReport {
     /// Parameters that kept the model's values, by name.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub frozen: Vec<String>,
+    /// Free parameters whose prior is what earlier logs left (`sd` in the model file), by name.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub with_prior: Vec<String>,
     /// Discretisation error in multiples of the noise floor.
     pub integrator_error: f64,
     /// Time step of the fit, in s; finer than the model's if that is too coarse.
@@ -79,6 +82,7 @@ pub fn fit(
         doubts: input.doubts.clone(),
         not_judged: input.not_judged.clone(),
         frozen: input.frozen.clone(),
+        with_prior: input.with_prior(),
         integrator_error: fitted.integrator_error,
         time_step_s: input.time_step_s(fitted.step),
         rollouts: fitted.rollouts,
@@ -88,12 +92,21 @@ pub fn fit(
 }
 
 impl VerbInput {
-    /// The text of the fitted model for a file in the folder `into`, with the time step of the fit.
+    /// The text of the fitted model for a file in the folder `into`, with the time step of the fit. A parameter with an
+    /// interval has its standard deviation, as the prior of a fit to further logs.
     ///
     /// # Errors
     /// A text that is not TOML; it was parsed before, so this does not happen.
-    pub fn fitted_text(&self, fit: &FitPoint, step: TimeStep, into: &Path) -> Result<String, TomlError> {
-        let text = adapted(&self.source, self.values(fit), into)?;
+    pub fn fitted_text(
+        &self,
+        report: &FitReport,
+        fit: &FitPoint,
+        step: TimeStep,
+        into: &Path,
+    ) -> Result<String, TomlError> {
+        let sd = |name: &str| report.parameters.iter().find(|estimate| estimate.name == name)?.prior_sd;
+        let values = self.values(fit).map(|(name, value)| FittedValue { name, value, sd: sd(name) });
+        let text = adapted(&self.source, values, into)?;
         let setup = &self.problem.model().setup;
         if step == TimeStep::USUAL { Ok(text) } else { in_finer_steps(&text, setup, step.divides_by()) }
     }

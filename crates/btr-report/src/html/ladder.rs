@@ -7,7 +7,7 @@ use crate::Subject;
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::table::number;
-use crate::text::{frozen, line, reserve};
+use crate::text::{given, line, reserve};
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_lab::verbs::{NoiseFloor, VerbInput};
@@ -36,10 +36,10 @@ impl Subject<'_> {
         ))
     }
 
-    /// Reservations about the result, and what was not fitted.
+    /// Reservations about the result, and what was known before.
     pub(super) fn reserve(&self) -> impl Iterator<Item = Block> + use<> {
         let sentences = reserve(&self.input.doubts, &self.input.not_judged);
-        sentences.into_iter().chain(frozen(&self.input.frozen)).map(Block::Text)
+        sentences.into_iter().chain(given(&self.input.frozen, &self.input.with_prior())).map(Block::Text)
     }
 
     /// The judged channels and the joints, with the original model and at the point `u` of its free parameters, which

@@ -112,6 +112,7 @@ fn grow(parameter: &mut FitParameter, factor: f64) {
     let factor = factor.min(LARGEST).min(widest).max(1.0);
     parameter.size *= factor;
     parameter.bounds = (parameter.bounds.0 / factor, parameter.bounds.1 / factor);
+    parameter.known = parameter.known.map(|sd| sd / factor);
 }
 
 #[cfg(test)]
@@ -128,12 +129,14 @@ mod tests {
             law: Parametrisation::Linear,
             bounds: (0.0, 50.0),
             spread: 33.0,
+            known: Some(4.0),
             reach: 0.1,
             amplitude: true,
         };
         grow(&mut parameter, 8.0);
         assert!((parameter.size - 0.08).abs() < 1e-12);
         assert!((parameter.value(parameter.bounds.1) - 0.5).abs() < 1e-12);
+        assert!((parameter.prior_sd() * parameter.size - 0.04).abs() < 1e-12);
         // A unit never shrinks, and its bounds always leave room for two units.
         grow(&mut parameter, 0.1);
         assert!((parameter.size - 0.08).abs() < 1e-12);

@@ -55,6 +55,8 @@ class DiagnoseResult(Reported):
     """Joints without any measurement: the result does not cover them."""
     frozen: list[str]
     """Parameters that kept the model's values (`freeze`), by name."""
+    with_prior: list[str]
+    """Free parameters whose prior is what earlier logs left (`sd` in the model), by name."""
     at_bound: list[str]
     """Free parameters that ended at a bound; the bounds may cause the remaining error."""
     cut_short: bool

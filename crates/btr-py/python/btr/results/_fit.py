@@ -49,6 +49,8 @@ class FitResult(Reported):
     """Joints without any measurement: the result does not cover them."""
     frozen: list[str]
     """Parameters that kept the model's values (`freeze`), by name."""
+    with_prior: list[str]
+    """Free parameters whose prior is what earlier logs left (`sd` in the model), by name."""
     integrator_error: float
     """Error of the time integration, in multiples of the noise floor."""
     time_step_s: float
