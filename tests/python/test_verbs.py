@@ -78,6 +78,22 @@ def test_frozen_parameters_keep_their_values(arm: btr.Model) -> None:
         btr.fit(arm, LEARN[:1], freeze=["mas@*"])
 
 
+def test_damaged_logs_are_left_out_with_a_warning(arm: btr.Model, tmp_path: Path) -> None:
+    empty = tmp_path / "empty.csv"
+    empty.write_text("")
+    logs = [LEARN[0], empty]
+    for verb in (btr.check, btr.compare, btr.fit, lambda *of, **options: btr.diagnose(*of, max_rollouts=1, **options)):
+        with pytest.warns(UserWarning, match="left out: .*empty.csv: the file is empty"):
+            found = verb(arm, logs)
+        must_be_typed(found)
+        assert [log.log for log in found.left_out] == [str(empty)] and "is empty" in found.left_out[0].reason
+        with pytest.raises(btr.BtrError, match="the file is empty"):
+            verb(arm, logs, strict=True)
+        with pytest.raises(btr.BtrError, match="No such file"):
+            verb(arm, [LEARN[0], tmp_path / "none.csv"])
+    assert btr.check(arm, LEARN[:1]).left_out == []
+
+
 def test_a_fitted_model_keeps_what_its_logs_left(arm: btr.Model) -> None:
     first = btr.fit(arm, LEARN[:1], add="coulomb_friction@yaw", freeze="mass@*")
     assert first.with_prior == [] and "sd = " in first.model.text

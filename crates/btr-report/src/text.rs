@@ -7,6 +7,7 @@ use btr_identify::diagnose::Verdict;
 use btr_identify::fit::Estimate;
 use btr_identify::quality::Severity;
 use btr_identify::residual_model::TimeStep;
+use btr_lab::experiment::LeftOutLog;
 use btr_lab::verbs::{CompareReport, CorrectedValue, DiagnoseReport, Doubt, NoiseFloor, Support};
 use std::path::PathBuf;
 
@@ -22,6 +23,12 @@ pub fn word(severity: Severity) -> &'static str {
 /// One line for a doubt about a log.
 pub fn line(Doubt { log, finding }: &Doubt) -> String {
     format!("{}: {log}: {}", word(finding.severity), finding.sentence)
+}
+
+/// One line for a log that was left out: which, why, and the remedy.
+pub fn left_out(log: &LeftOutLog) -> String {
+    let help = log.help.as_ref().map_or_else(String::new, |help| format!("; {help}"));
+    format!("left out: {}{help}", log.reason)
 }
 
 /// Reservations about a result: joints that were not judged, and findings about the logs.

@@ -17,7 +17,8 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
     let model = OutputKind::Model.at(args.output.as_deref());
     let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(model);
     guard(outputs, inputs(&source, args.logs_args.all_logs()))?;
-    let (replays, doubts) = common::replays(&source, &args.logs_args.logs, &args.logs_args.held_out, global)?;
+    let logs = [&args.logs_args.logs[..], &args.logs_args.held_out[..]];
+    let (replays, doubts) = common::replays(&source, logs, &args.logs_args.reading, global)?;
     let input = VerbInput::with(source, replays, &args.add)
         .and_then(|input| input.freezing(&args.logs_args.freeze))
         .map_err(|e| Failure::input(e, &doubts))?;
@@ -33,7 +34,8 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
         write_text(output, &text)?;
     }
     if let Some(path) = &args.logs_args.report {
-        let subject = Subject { input: &input, logs: &args.logs_args.logs, held_out: &args.logs_args.held_out };
+        let [logs, held_out] = input.logs_used();
+        let subject = Subject { input: &input, logs: &logs, held_out: &held_out };
         write_report(path, &html::fit(&subject, &report, &fit.u))?;
     }
     if global.json {

@@ -5,6 +5,7 @@ mod adapted;
 mod bad_input;
 mod check;
 mod compare;
+mod damaged;
 mod determinism;
 mod disengage;
 mod doubts;

@@ -1,6 +1,6 @@
 //! `check`: the quality of logs, and the identifiability of the free parameters from them, before any fit.
 
-use crate::experiment::{CheckedLog, Replays};
+use crate::experiment::{CheckedLog, LeftOutLog, Replays};
 use crate::identification::IdentificationProblem;
 use btr_identify::fit::{NullDirection, Objective, Sensitivity, identifiable};
 use btr_identify::quality::CommandResponse;
@@ -15,6 +15,8 @@ pub struct CheckReport {
     pub logs: Vec<CheckedLog>,
     /// Warnings about usable logs.
     pub warnings: Vec<String>,
+    /// Logs that could not be used.
+    pub left_out: Vec<LeftOutLog>,
     /// Identifiability of the free parameters from all logs together.
     pub identifiability: IdentifiabilityReport,
 }
@@ -41,6 +43,9 @@ impl CheckReport {
         let mut document = json!({ "ok": true, "logs": logs, "warnings": self.warnings });
         if let (Some(document), Value::Object(fields)) = (document.as_object_mut(), json!(self.identifiability)) {
             document.extend(fields);
+        }
+        if !self.left_out.is_empty() {
+            document["left_out"] = json!(self.left_out);
         }
         document
     }
@@ -71,6 +76,7 @@ pub fn check(replays: Replays) -> CheckReport {
     CheckReport {
         logs: replays.checked.clone(),
         warnings: replays.warnings.clone(),
+        left_out: replays.left_out.clone(),
         identifiability: identifiability(replays),
     }
 }

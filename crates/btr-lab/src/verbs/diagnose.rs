@@ -121,6 +121,7 @@ pub fn diagnose(
         time_step_s: input.time_step_s(objective.step()),
         doubts: input.doubts.clone(),
         not_judged: input.not_judged.clone(),
+        left_out: input.left_out.clone(),
         frozen: input.frozen.clone(),
         with_prior: input.with_prior(),
         at_bound: diagnosis.at_bound.clone(),

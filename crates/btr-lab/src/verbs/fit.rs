@@ -1,5 +1,6 @@
 //! `fit`: estimates of the free parameters with their uncertainties.
 
+use crate::experiment::LeftOutLog;
 use crate::identification::{Doubt, NoiseFloor, VerbInput};
 use crate::model_text::{FittedValue, adapted, in_finer_steps};
 use btr_core::space::Dim;
@@ -37,6 +38,9 @@ pub struct FitReport {
     pub noise_floor: Vec<NoiseFloor>,
     /// Findings of `check` that make the result doubtful.
     pub doubts: Vec<Doubt>,
+    /// Logs that could not be used.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<LeftOutLog>,
     /// Joints without measurements: the result does not cover them.
     pub not_judged: Vec<String>,
     /// Parameters that kept the model's values, by name.
@@ -81,6 +85,7 @@ pub fn fit(
         noise_floor: input.floors(),
         doubts: input.doubts.clone(),
         not_judged: input.not_judged.clone(),
+        left_out: input.left_out.clone(),
         frozen: input.frozen.clone(),
         with_prior: input.with_prior(),
         integrator_error: fitted.integrator_error,

@@ -7,7 +7,7 @@ use crate::Subject;
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::table::number;
-use crate::text::{given, line, reserve};
+use crate::text::{given, left_out, line, reserve};
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_lab::verbs::{NoiseFloor, VerbInput};
@@ -36,10 +36,12 @@ impl Subject<'_> {
         ))
     }
 
-    /// Reservations about the result, and what was known before.
+    /// Which logs were left out, reservations about the result, and what was known before.
     pub(super) fn reserve(&self) -> impl Iterator<Item = Block> + use<> {
+        let without = self.input.left_out.iter().map(left_out).collect::<Vec<_>>();
         let sentences = reserve(&self.input.doubts, &self.input.not_judged);
-        sentences.into_iter().chain(given(&self.input.frozen, &self.input.with_prior())).map(Block::Text)
+        let known = given(&self.input.frozen, &self.input.with_prior());
+        without.into_iter().chain(sentences).chain(known).map(Block::Text)
     }
 
     /// The judged channels and the joints, with the original model and at the point `u` of its free parameters, which

@@ -54,6 +54,15 @@ class Doubt(Finding):
     """Path of the log."""
 
 
+class LeftOutLog(Record):
+    """A log that was left out because its content cannot be used."""
+
+    log: str
+    """Path of the log."""
+    reason: str
+    """Why, with the place in the file."""
+
+
 class LadderStep(Record):
     """A step of the error ladder. Errors are root mean squares in multiples of the noise floor."""
 

@@ -53,6 +53,8 @@ class DiagnoseResult(Reported):
     """Findings about the logs that make the result doubtful, as `check` reports them."""
     not_judged: list[str]
     """Joints without any measurement: the result does not cover them."""
+    left_out: list[doc.LeftOutLog]
+    """Logs that could not be used."""
     frozen: list[str]
     """Parameters that kept the model's values (`freeze`), by name."""
     with_prior: list[str]

@@ -20,6 +20,8 @@ class CheckResult(Result):
     """One per log."""
     warnings: list[str]
     """Oddities of logs that can be used all the same."""
+    left_out: list[doc.LeftOutLog]
+    """Logs that could not be used."""
     parameters: list[doc.Sensitivity]
     """What all logs together determine of each free parameter."""
     rank: int
@@ -37,7 +39,8 @@ class CheckResult(Result):
     """Number of simulated logs."""
 
     def _headline(self) -> str:
-        return "\n".join(f"{log.log}: {log.verdict}" for log in self.logs)
+        left_out = [f"left out: {log.reason}" for log in self.left_out]
+        return "\n".join([f"{log.log}: {log.verdict}" for log in self.logs] + left_out)
 
     def _table(self) -> Rows:
         return [
@@ -63,6 +66,8 @@ class CompareResult(Reported):
     """Joints without any measurement: the result does not cover them."""
     warnings: list[str]
     """Oddities of logs that can be used all the same."""
+    left_out: list[doc.LeftOutLog]
+    """Logs that could not be used."""
 
     def _headline(self) -> str:
         if not self.failures:
