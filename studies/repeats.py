@@ -96,9 +96,8 @@ def command(rng, t):
     """Sums of sines in the joints' ranges."""
     columns = []
     for _ in JOINTS:
-        parts = [rng.uniform(0.1, 0.3) * np.sin(2 * np.pi * rng.uniform(0.2, 1.4) * t + rng.uniform(0, 6)) for _ in range(3)]
-        ramp = np.clip(t / 0.5, 0, 1)
-        columns.append(ramp * sum(parts))
+        wave = lambda: rng.uniform(0.1, 0.3) * np.sin(2 * np.pi * rng.uniform(0.2, 1.4) * t + rng.uniform(0, 6))
+        columns.append(np.clip(t / 0.5, 0, 1) * sum(wave() for _ in range(3)))
     return np.array(columns).T
 
 
@@ -174,7 +173,8 @@ def ask(btr: str, case: Case, folder: Path) -> dict:
 def judge(case: Case, answer: dict) -> dict:
     """What was named, and how many of the intervals hold the truth."""
     found = answer["diagnose"]
-    named = [f"{e['effect']}@{s}" for e in found["effects"] for s in ([e["site"]] if isinstance(e["site"], str) else e["site"])]
+    sites = lambda effect: [effect["site"]] if isinstance(effect["site"], str) else effect["site"]
+    named = [f"{effect['effect']}@{site}" for effect in found["effects"] for site in sites(effect)]
     named += [f"{v['value']}@{v['site']}" for v in found["wrong_values"]]
     truth = [f"{case.effect}@{case.site}"] if case.effect in EFFECTS else []
     known = {f"{case.effect}.{name}@{case.site}": value for name, value in case.values.items()}
@@ -182,8 +182,8 @@ def judge(case: Case, answer: dict) -> dict:
     hits = []
     for estimate in (answer["fit"] or {}).get("parameters", []):
         if estimate["ci95"] and estimate["name"] in known:
-            low, high = estimate["ci95"]
-            hits.append((low <= known[estimate["name"]] <= high, (high - low) / abs(known[estimate["name"]]), "@" in estimate["name"] and "." in estimate["name"].split("@")[0]))
+            (low, high), true = estimate["ci95"], known[estimate["name"]]
+            hits.append((low <= true <= high, (high - low) / abs(true), estimate["name"].startswith(case.effect)))
     return {
         "verdict": found["verdict"],
         "degree": found["degree"],
@@ -205,7 +205,8 @@ def main() -> None:
     parser.add_argument("--btr", default=BTR, help="the program to ask")
     args = parser.parse_args()
     first, last = (int(x) for x in args.seeds.split(".."))
-    cases = [plant(seed, kind, args.effects.split(",")) for kind in args.kinds.split(",") for seed in range(first, last + 1)]
+    kinds, effects = args.kinds.split(","), args.effects.split(",")
+    cases = [plant(seed, kind, effects) for kind in kinds for seed in range(first, last + 1)]
 
     def one(case: Case) -> tuple[Case, dict]:
         with tempfile.TemporaryDirectory() as folder:
@@ -221,8 +222,8 @@ def main() -> None:
             print(
                 f"{case.seed} {case.kind:<7} {case.effect}@{case.site:<9} {told['verdict']:<16} {told['degree']:<26}"
                 f" {told['last']['train']:.2f} {told['last']['held_out']:.2f} {', '.join(told['named']) or '-'}"
-                f"  fit {told['degree_of_fit']} {sum(h for h, _, _ in told['hits'])}/{len(told['hits'])} width {width:.3f}"
-                f"  {told['rollouts']} rollouts",
+                f"  fit {told['degree_of_fit']} {sum(h for h, _, _ in told['hits'])}/{len(told['hits'])}"
+                f" width {width:.3f}  {told['rollouts']} rollouts",
                 flush=True,
             )
     for key, count in sorted(verdicts.items(), key=str):

@@ -302,6 +302,7 @@ fn clone(model: &Model, learn: usize) -> Model {
         setup: model.setup.clone(),
         targets: model.targets.clone(),
         simulations: model.simulations.clone(),
+        prior_sds: model.prior_sds.clone(),
         drive: model.drive.clone(),
         scenarios: model.scenarios.clone(),
         learn,

@@ -66,6 +66,42 @@ def test_fitted_numbers_as_a_frame_have_the_ends_of_their_intervals(arm: btr.Mod
     assert friction["low"] < friction["value"] < friction["high"] and not friction["at_bound"]
 
 
+def test_frozen_parameters_keep_their_values(arm: btr.Model) -> None:
+    fitted = btr.fit(arm, LEARN[:1], freeze="mass@*")
+    must_be_typed(fitted)
+    assert fitted.frozen == [name for name in arm.values if name.startswith("mass@")] != []
+    free = [name for name in arm.values if name not in fitted.frozen]
+    assert list(fitted.values) == [dim.name for dim in fitted.space] == free
+    assert all(fitted.model.values[name] == arm.values[name] for name in fitted.frozen)
+    assert btr.diagnose(arm, LEARN[:1], freeze=["*"], max_rollouts=1).frozen == list(arm.values)
+    with pytest.raises(btr.BtrError, match="matches no free parameter"):
+        btr.fit(arm, LEARN[:1], freeze=["mas@*"])
+
+
+def test_damaged_logs_are_left_out_with_a_warning(arm: btr.Model, tmp_path: Path) -> None:
+    empty = tmp_path / "empty.csv"
+    empty.write_text("")
+    logs = [LEARN[0], empty]
+    for verb in (btr.check, btr.compare, btr.fit, lambda *of, **options: btr.diagnose(*of, max_rollouts=1, **options)):
+        with pytest.warns(UserWarning, match="left out: .*empty.csv: the file is empty"):
+            found = verb(arm, logs)
+        must_be_typed(found)
+        assert [log.log for log in found.left_out] == [str(empty)] and "is empty" in found.left_out[0].reason
+        with pytest.raises(btr.BtrError, match="the file is empty"):
+            verb(arm, logs, strict=True)
+        with pytest.raises(btr.BtrError, match="No such file"):
+            verb(arm, [LEARN[0], tmp_path / "none.csv"])
+    assert btr.check(arm, LEARN[:1]).left_out == []
+
+
+def test_a_fitted_model_keeps_what_its_logs_left(arm: btr.Model) -> None:
+    first = btr.fit(arm, LEARN[:1], add="coulomb_friction@yaw", freeze="mass@*")
+    assert first.with_prior == [] and "sd = " in first.model.text
+    after = btr.fit(first.model, LEARN[1:2], freeze="mass@*")
+    must_be_typed(after)
+    assert after.with_prior and set(after.with_prior) <= set(after.values)
+
+
 def test_settings_need_no_quotes_but_names_that_are_names(arm: btr.Model) -> None:
     known = btr.load_model(ARM, {"parameters.mass@upper.relative": (0.5, 2.0)})
     (mass,) = (dim for dim in known.parameters if dim["name"] == "mass@upper")

@@ -1,5 +1,6 @@
 //! The command line's arguments.
 
+use btr_lab::experiment::DamagedLogs;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Args as ClapArgs, CommandFactory, Error, Parser, Subcommand};
 use clap_complete::Shell;
@@ -99,7 +100,7 @@ pub(crate) enum Verb {
     Simulate(SimulateArgs),
     /// Check the quality of logs: clock, sensors, lags, and which free parameters they identify
     #[command(after_help = "Example:\n  btr check leg.toml monday.mcap tuesday.csv\n\n\
-        Exit code 1 if a log has a bad finding: results based on it cannot be trusted.")]
+        Exit code 1 if a log has a bad finding, or cannot be used at all: results based on it cannot be trusted.")]
     Check(CheckArgs),
     /// Show where a model fails: per channel, per joint and regime of motion
     #[command(after_help = "Examples:\n  btr compare leg.toml monday.mcap\n  \
@@ -207,6 +208,16 @@ pub(crate) struct Reading {
     /// leaving them out
     #[arg(long)]
     pub(crate) keep_glitches: bool,
+    /// Refuse all logs if the content of one cannot be used, instead of leaving it out
+    #[arg(long)]
+    pub(crate) strict: bool,
+}
+
+impl Reading {
+    /// What to do about a log whose content cannot be used, among others.
+    pub(crate) fn damaged(&self) -> DamagedLogs {
+        if self.strict { DamagedLogs::Refuse } else { DamagedLogs::LeaveOut }
+    }
 }
 
 #[derive(ClapArgs)]
@@ -236,6 +247,10 @@ pub(crate) struct LogArgs {
     /// Held-out logs, which are not fitted; put this option after MODEL and LOG: it takes all arguments that follow
     #[arg(long, num_args = 1.., value_name = "LOG")]
     pub(crate) held_out: Vec<PathBuf>,
+    /// Keep the free parameters of this name at the model's values; `*` matches any characters: 'mass@*',
+    /// 'coulomb_friction.*@*'
+    #[arg(long, value_name = "PATTERN")]
+    pub(crate) freeze: Vec<String>,
     /// Write the result and its plots into one HTML file
     #[arg(long, value_name = "HTML")]
     pub(crate) report: Option<PathBuf>,

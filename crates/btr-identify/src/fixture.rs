@@ -22,6 +22,7 @@ pub(crate) fn parameter(law: Parametrisation, origin: f64, size: f64) -> FitPara
         law,
         bounds: (-10.0, 10.0),
         spread: 1.0,
+        known: None,
         reach: 0.05,
         amplitude: false,
     }

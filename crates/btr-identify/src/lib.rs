@@ -40,10 +40,12 @@
 //!     law: Parametrisation::Linear,
 //!     bounds: (-10.0, 10.0),
 //!     spread: 1.0,
+//!     known: None,
 //!     reach: 0.05,
 //!     amplitude: false,
 //! };
-//! let channel = MeasuredChannel { name: "q".to_owned(), unit: "rad".to_owned(), sigma: 0.001, sensor: 0.001, offset_differs: false, samples: 0..100 };
+//! let (name, unit) = ("q".to_owned(), "rad".to_owned());
+//! let channel = MeasuredChannel { name, unit, sigma: 0.001, sensor: 0.001, offset_differs: false, samples: 0..100 };
 //! let log = RecordedLog { name: "ramp".to_owned(), held_out: false, channels: vec![channel], present: 100 };
 //! let model = Linear(ModelDescription::new(vec![gain], vec![log]));
 //!

@@ -185,6 +185,33 @@ pub enum IoError {
 }
 
 impl IoError {
+    /// Whether the content of the log is at fault, or the file is there and cannot be read; otherwise what was asked
+    /// for: a path that does not exist, a kind of file that is no log.
+    pub fn is_about_content(&self) -> bool {
+        match self {
+            IoError::File { source, .. } => source.kind() != std::io::ErrorKind::NotFound,
+            IoError::Format { .. }
+            | IoError::Disabled { .. }
+            | IoError::Db3 { .. }
+            | IoError::SplitBag { .. }
+            | IoError::Episode { .. }
+            | IoError::Unwritable { .. } => false,
+            IoError::DataSet { .. }
+            | IoError::Empty { .. }
+            | IoError::NoSamples { .. }
+            | IoError::NoTime { .. }
+            | IoError::Separator { .. }
+            | IoError::Clock { .. }
+            | IoError::NotANumber { .. }
+            | IoError::Cells { .. }
+            | IoError::Csv { .. }
+            | IoError::Twice { .. }
+            | IoError::NotMcap { .. }
+            | IoError::NoStates { .. }
+            | IoError::Log { .. } => true,
+        }
+    }
+
     /// What the user can do about the error.
     pub fn help(&self) -> Text {
         match self {

@@ -42,6 +42,9 @@ impl Failure {
             ProblemError::File(error) => error.into(),
             ProblemError::World(error) => Failure::simulation(&error, doubts),
             ProblemError::Add(error) => error.into(),
+            ProblemError::FreezesNothing { .. } | ProblemError::NoValueToFreeze(_) => {
+                Failure::new("freeze", message, help)
+            }
             ProblemError::Still | ProblemError::Short(_) | ProblemError::Blind | ProblemError::Nothing => {
                 Failure::new("log", message, help)
             }
@@ -66,10 +69,17 @@ impl Failure {
         Failure::new("simulation", error.to_string(), help)
     }
 
-    /// A fit of a model without a free parameter.
-    pub fn nothing_to_fit() -> Self {
-        let help = Text::from("free some parameters ([parameters] in the model file), or ") + Mention::AddEffect;
-        Failure::new("nothing_to_fit", "this model has no free parameter", Some(help))
+    /// Why there is nothing to fit, where no parameter is free.
+    pub fn nothing_to_fit(input: &VerbInput) -> Option<Self> {
+        let (message, help) = match (input.problem.free().is_empty(), input.frozen.is_empty()) {
+            (false, _) => return None,
+            (true, false) => ("all free parameters are frozen", Text::from("leave one of them out, or ")),
+            (true, true) => {
+                let help = "free some parameters ([parameters] in the model file), or ";
+                ("this model has no free parameter", help.into())
+            }
+        };
+        Some(Failure::new("nothing_to_fit", message, Some(help + Mention::AddEffect)))
     }
 
     /// A model that cannot be simulated at its current values on the logs of the input.

@@ -9,7 +9,7 @@ use btr_identify::LadderStep;
 use btr_lab::distributed::RemoteModel;
 use btr_lab::execution::ExecutionContext;
 use btr_lab::experiment;
-use btr_lab::experiment::LogSource;
+use btr_lab::experiment::{DamagedLogs, LogSource, Replays, Source};
 use btr_lab::failure::Failure;
 use btr_lab::verbs;
 use btr_lab::verbs::VerbInput;
@@ -17,7 +17,6 @@ use btr_report::Subject;
 use btr_report::html;
 use pyo3::prelude::*;
 use serde_json::json;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -25,26 +24,28 @@ fn sources(logs: Vec<LogArgument>) -> Vec<LogSource> {
     logs.into_iter().map(LogArgument::source).collect()
 }
 
-fn names(logs: &[LogSource]) -> Vec<PathBuf> {
-    logs.iter().map(|log| log.path().to_owned()).collect()
+/// The logs of a call; if one cannot be used, the others, unless `strict`.
+fn replays(model: &Source, [learn, held_out]: [&[LogSource]; 2], strict: bool) -> PyResult<Replays> {
+    let damaged = if strict { DamagedLogs::Refuse } else { DamagedLogs::LeaveOut };
+    experiment::replays_of(model, learn, held_out, damaged).map_err(Raise::raise)
 }
 
 /// The quality of logs, and which free parameters they identify.
 #[pyfunction]
-pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<LogArgument>) -> PyResult<String> {
+pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<LogArgument>, strict: bool) -> PyResult<String> {
     let logs = sources(logs);
     at_once(py, &model.source, || {
-        let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
+        let replays = replays(&model.source, [&logs, &[]], strict)?;
         Ok(verbs::check(replays).document().to_string())
     })
 }
 
 /// The model's errors by channel and regime: the result and its page.
 #[pyfunction]
-pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<LogArgument>) -> PyResult<(String, Page)> {
+pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<LogArgument>, strict: bool) -> PyResult<(String, Page)> {
     let logs = sources(logs);
     at_once(py, &model.source, || {
-        let replays = experiment::replays(&model.source, &logs, &[]).map_err(Raise::raise)?;
+        let replays = replays(&model.source, [&logs, &[]], strict)?;
         let outcome = verbs::compare(&model.source, replays).map_err(Raise::raise)?;
         Ok((outcome.document().to_string(), Page::new(&model.source, move || html::compare(&outcome))))
     })
@@ -71,12 +72,17 @@ pub(crate) fn diagnose(
     max_effects: Option<usize>,
     max_rollouts: Option<usize>,
     max_time_s: Option<f64>,
+    freeze: Vec<String>,
+    strict: bool,
     tell: Py<PyAny>,
     executor: Option<ExecutorChoice>,
 ) -> PyResult<(String, Page, Option<Log>, String)> {
     let (logs, held_out, context) = (sources(logs), sources(held_out), model.context(py, executor)?);
     working(py, &context, || {
-        let input = VerbInput::new(model.source.clone(), &logs, &held_out).map_err(Raise::raise)?;
+        let source = model.source.clone();
+        let replays = replays(&source, [&logs, &held_out], strict)?;
+        let input = VerbInput::of(source, replays).and_then(|input| input.freezing(&freeze));
+        let input = input.map_err(Raise::raise)?;
         let question = input.options(max_effects, max_rollouts);
         let heard = |ladder_step: &LadderStep| say(&context, &tell, ladder_step);
         let family = served(&input, &context)?;
@@ -88,39 +94,45 @@ pub(crate) fn diagnose(
         let next = found.next_experiment.as_ref().and_then(|next| next.commands.clone());
         let next = next.map(|commands| Log::made_here("next experiment", commands));
         let text = input.diagnosed_text(&diagnosed, input.source.folder()).map_err(Raise::raise)?;
-        let (logs, held_out, u) = (names(&logs), names(&held_out), diagnosed.fit.u);
+        let ([logs, held_out], u) = (input.logs_used(), diagnosed.fit.u);
         let page = move || html::diagnose(&Subject { input: &input, logs: &logs, held_out: &held_out }, &found, &u);
         Ok((document, Page::new(&model.source, page), next, text))
     })
 }
 
-/// The free parameters at their best, with effects added first: the answer, its page, the numbers as they were (JSON)
-/// and the fitted model's text.
+/// The free parameters at their best, with effects added first and some parameters frozen: the answer, its page, the
+/// numbers as they were (JSON) and the fitted model's text.
 #[pyfunction]
+#[allow(clippy::too_many_arguments, reason = "called from one place, by name there")]
 pub(crate) fn fit(
     py: Python<'_>,
     model: &Model,
     logs: Vec<LogArgument>,
     held_out: Vec<LogArgument>,
     add: Vec<String>,
+    freeze: Vec<String>,
+    strict: bool,
     tell: Py<PyAny>,
     executor: Option<ExecutorChoice>,
 ) -> PyResult<(String, Page, String, String)> {
     let (logs, held_out, context) = (sources(logs), sources(held_out), model.context(py, executor)?);
     working(py, &context, || {
         let source = model.source.clone();
-        let replays = experiment::replays(&source, &logs, &held_out).map_err(Raise::raise)?;
-        let input = VerbInput::with(source, replays, &add).map_err(Raise::raise)?;
-        if input.problem.model().simulations.is_empty() {
-            return Err(Failure::nothing_to_fit().raise());
+        let replays = replays(&source, [&logs, &held_out], strict)?;
+        let input = VerbInput::with(source, replays, &add).and_then(|input| input.freezing(&freeze));
+        let input = input.map_err(Raise::raise)?;
+        if let Some(failure) = Failure::nothing_to_fit(&input) {
+            return Err(failure.raise());
         }
         let heard = |ladder_step: &LadderStep| say(&context, &tell, ladder_step);
         let family = served(&input, &context)?;
         let (found, fit, step) =
             verbs::fit(&input, &family, &heard).map_err(|error| Failure::simulation_failure(&input, &error).raise())?;
-        let text = input.fitted_text(&fit, step, input.source.folder()).map_err(|e| raised(e.to_string(), None))?;
-        let (document, space) = (json!(found).to_string(), json!(input.problem.model().simulations.dims()).to_string());
-        let (logs, held_out, u) = (names(&logs), names(&held_out), fit.u);
+        let text = input.fitted_text(&found, &fit, step, input.source.folder());
+        let text = text.map_err(|e| raised(e.to_string(), None))?;
+        let space = json!(input.free_dims().collect::<Vec<_>>()).to_string();
+        let document = json!(found).to_string();
+        let ([logs, held_out], u) = (input.logs_used(), fit.u);
         let page = move || html::fit(&Subject { input: &input, logs: &logs, held_out: &held_out }, &found, &u);
         Ok((document, Page::new(&model.source, page), space, text))
     })

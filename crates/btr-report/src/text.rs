@@ -7,6 +7,7 @@ use btr_identify::diagnose::Verdict;
 use btr_identify::fit::{Degree, Estimate, RemainingError};
 use btr_identify::quality::Severity;
 use btr_identify::residual_model::TimeStep;
+use btr_lab::experiment::LeftOutLog;
 use btr_lab::verbs::{CompareReport, CorrectedValue, DiagnoseReport, Doubt, NoiseFloor, Support};
 use std::path::PathBuf;
 
@@ -22,6 +23,12 @@ pub fn word(severity: Severity) -> &'static str {
 /// One line for a doubt about a log.
 pub fn line(Doubt { log, finding }: &Doubt) -> String {
     format!("{}: {log}: {}", word(finding.severity), finding.sentence)
+}
+
+/// One line for a log that was left out: which, why, and the remedy.
+pub fn left_out(log: &LeftOutLog) -> String {
+    let help = log.help.as_ref().map_or_else(String::new, |help| format!("; {help}"));
+    format!("left out: {}{help}", log.reason)
 }
 
 /// Reservations about a result: joints that were not judged, and findings about the logs.
@@ -40,6 +47,13 @@ pub fn reserve(doubts: &[Doubt], not_judged: &[String]) -> Vec<String> {
         many => sentences.push(format!("the logs have {many} findings that may affect this result, see `btr check`")),
     }
     sentences
+}
+
+/// States which parameters kept the model's values, and which have a prior of earlier logs, where there are any.
+pub fn given(frozen: &[String], with_prior: &[String]) -> Vec<String> {
+    let list = |what: &str, names: &[String]| (!names.is_empty()).then(|| format!("{what}: {}", names.join(", ")));
+    let prior = "prior from earlier logs (sd in the model file), which must not be among these";
+    list("frozen at the model's values", frozen).into_iter().chain(list(prior, with_prior)).collect()
 }
 
 /// States which joints were not measured.
@@ -235,6 +249,7 @@ pub fn fit_command(report: &DiagnoseReport, subject: &Subject) -> Option<String>
     let paths = |paths: &[PathBuf]| paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(" ");
     let held_out =
         if subject.held_out.is_empty() { String::new() } else { format!(" --held-out {}", paths(subject.held_out)) };
+    let freezes: String = subject.input.frozen.iter().map(|name| format!(" --freeze {name}")).collect();
     let (model, logs, adds) = (model.display(), paths(subject.logs), adds.join(" "));
-    Some(format!("btr fit {model} {logs}{held_out} {adds} -o fitted.toml"))
+    Some(format!("btr fit {model} {logs}{held_out} {adds}{freezes} -o fitted.toml"))
 }

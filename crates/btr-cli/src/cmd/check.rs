@@ -14,8 +14,9 @@ use btr_report::text::word;
 
 pub(crate) fn run(args: &CheckArgs, global: &Global) -> Result<u8, Failure> {
     let source = common::source_of(&args.model, &args.reading, global)?;
-    let replays = experiment::replays(&source, &args.logs, &[])?;
+    let replays = experiment::replays_of(&source, &args.logs, &[], args.reading.damaged())?;
     let report = verbs::check(replays);
+    common::tell_left_out(&report.left_out, global);
     if global.json {
         println!("{}", report.document());
     } else {
@@ -24,7 +25,7 @@ pub(crate) fn run(args: &CheckArgs, global: &Global) -> Result<u8, Failure> {
         println!("{}\n", repeatability(&report.repeatability));
         println!("{}", identifiability(&report.identifiability));
     }
-    let bad = report.logs.iter().any(|log| log.quality.worst() == Severity::Bad);
+    let bad = !report.left_out.is_empty() || report.logs.iter().any(|log| log.quality.worst() == Severity::Bad);
     Ok(if bad { MISSED } else { DONE })
 }
 

@@ -6,7 +6,7 @@ use btr_identify::LadderStep;
 use btr_identify::fit::RemainingError;
 use btr_io::{IoError, write_whole};
 use btr_lab::experiment;
-use btr_lab::experiment::{Replays, Source};
+use btr_lab::experiment::{LeftOutLog, Replays, Source};
 use btr_lab::failure::Failure;
 use btr_lab::verbs;
 use btr_lab::verbs::{Doubt, ErrorUnit, NoiseFloor};
@@ -32,20 +32,28 @@ pub(crate) fn source_of(model: &Path, reading: &Reading, global: &Global) -> Res
     Ok(source)
 }
 
-/// Reads the logs and prints warnings and findings about them on stderr.
+/// Reads the logs and prints on stderr which were left out, warnings and findings.
 pub(crate) fn replays(
     source: &Source,
-    training: &[PathBuf],
-    held_out: &[PathBuf],
+    [training, held_out]: [&[PathBuf]; 2],
+    reading: &Reading,
     global: &Global,
 ) -> Result<(Replays, Vec<Doubt>), Failure> {
-    let replays = experiment::replays(source, training, held_out)?;
+    let replays = experiment::replays_of(source, training, held_out, reading.damaged())?;
     let doubts = verbs::doubts(&replays);
+    tell_left_out(&replays.left_out, global);
     if !global.quiet {
         replays.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
         doubts.iter().for_each(|doubt| eprintln!("{}", btr_report::text::line(doubt)));
     }
     Ok((replays, doubts))
+}
+
+/// Prints on stderr which logs were left out.
+pub(crate) fn tell_left_out(left_out: &[LeftOutLog], global: &Global) {
+    if !global.quiet {
+        left_out.iter().for_each(|log| eprintln!("{}", btr_report::text::left_out(log)));
+    }
 }
 
 /// Handles Ctrl-C: the first one sets the flag and says what is done now, the second one stops at once.

@@ -26,8 +26,11 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     let model = OutputKind::Model.at(args.output.as_deref());
     let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(commands).chain(model);
     guard(outputs, inputs(&source, args.logs_args.all_logs()))?;
-    let (replays, doubts) = common::replays(&source, &args.logs_args.logs, &args.logs_args.held_out, global)?;
-    let input = VerbInput::of(source, replays).map_err(|e| Failure::input(e, &doubts))?;
+    let logs = [&args.logs_args.logs[..], &args.logs_args.held_out[..]];
+    let (replays, doubts) = common::replays(&source, logs, &args.logs_args.reading, global)?;
+    let input = VerbInput::of(source, replays)
+        .and_then(|input| input.freezing(&args.logs_args.freeze))
+        .map_err(|e| Failure::input(e, &doubts))?;
     let question = input.options(args.max_effects, args.max_rollouts);
     let unit = input.error_unit();
     let tell = |ladder_step: &_| common::tell(ladder_step, unit, global);
@@ -40,7 +43,8 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     if let Some(output) = &args.output {
         write_text(output, &input.diagnosed_text(&diagnosed, output.parent().unwrap_or(output))?)?;
     }
-    let subject = Subject { input: &input, logs: &args.logs_args.logs, held_out: &args.logs_args.held_out };
+    let [logs, held_out] = input.logs_used();
+    let subject = Subject { input: &input, logs: &logs, held_out: &held_out };
     if let Some(path) = &args.next {
         write_next(&report, path)?;
     }
@@ -91,6 +95,7 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
     report.shows_left_over().iter().for_each(|sentence| println!("{sentence}"));
     report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));
     btr_report::text::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
+    btr_report::text::given(&report.frozen, &report.with_prior).iter().for_each(|sentence| println!("{sentence}"));
     for effect in &report.effects {
         finding(&format!("{}@{}", effect.effect, effect.site), &effect.support);
         let mut table = Table::new(&btr_report::text::ESTIMATES);

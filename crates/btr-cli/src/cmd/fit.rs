@@ -17,21 +17,26 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
     let model = OutputKind::Model.at(args.output.as_deref());
     let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(model);
     guard(outputs, inputs(&source, args.logs_args.all_logs()))?;
-    let (replays, doubts) = common::replays(&source, &args.logs_args.logs, &args.logs_args.held_out, global)?;
-    let input = VerbInput::with(source, replays, &args.add).map_err(|e| Failure::input(e, &doubts))?;
-    if input.problem.model().simulations.is_empty() {
-        return Err(Failure::nothing_to_fit());
+    let logs = [&args.logs_args.logs[..], &args.logs_args.held_out[..]];
+    let (replays, doubts) = common::replays(&source, logs, &args.logs_args.reading, global)?;
+    let input = VerbInput::with(source, replays, &args.add)
+        .and_then(|input| input.freezing(&args.logs_args.freeze))
+        .map_err(|e| Failure::input(e, &doubts))?;
+    if let Some(failure) = Failure::nothing_to_fit(&input) {
+        return Err(failure);
     }
     let unit = input.error_unit();
     let (report, fit, step) = verbs::fit(&input, &input.problem, &|step| common::tell(step, unit, global))
         .map_err(|error| Failure::simulation_failure(&input, &error))?;
     if let Some(output) = &args.output {
         let into = output.parent().unwrap_or(output);
-        let text = input.fitted_text(&fit, step, into).map_err(|e| Failure::new("file", e.to_string(), None))?;
+        let text =
+            input.fitted_text(&report, &fit, step, into).map_err(|e| Failure::new("file", e.to_string(), None))?;
         write_text(output, &text)?;
     }
     if let Some(path) = &args.logs_args.report {
-        let subject = Subject { input: &input, logs: &args.logs_args.logs, held_out: &args.logs_args.held_out };
+        let [logs, held_out] = input.logs_used();
+        let subject = Subject { input: &input, logs: &logs, held_out: &held_out };
         write_report(path, &html::fit(&subject, &report, &fit.u))?;
     }
     if global.json {
@@ -52,6 +57,7 @@ fn show(report: &FitReport, unit: ErrorUnit) {
     let mut table = Table::new(&btr_report::text::ESTIMATES);
     report.parameters.iter().for_each(|estimate| table.row(btr_report::text::estimate(estimate)));
     println!("{}", table.render());
+    btr_report::text::given(&report.frozen, &report.with_prior).iter().for_each(|sentence| println!("{sentence}"));
     if report.parameters.iter().any(|estimate| estimate.by_bounds && !estimate.at_bound) {
         println!("\nby its bounds: the interval follows from the bounds; the logs alone determine less");
     }

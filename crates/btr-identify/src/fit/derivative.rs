@@ -189,7 +189,7 @@ impl FitPoint {
         let part = |&k: &usize| {
             let growth = parameters[k].growth(self.u[k]);
             let grows = parameters[k].scales_with_mass() && growth.is_finite() && growth != 0.0;
-            if grows { 1.0 / (growth * parameters[k].spread) } else { 0.0 }
+            if grows { 1.0 / (growth * parameters[k].prior_sd()) } else { 0.0 }
         };
         DVector::from_iterator(self.active.len(), self.active.iter().map(part)).try_normalize(0.0)
     }
@@ -206,7 +206,7 @@ impl FitPoint {
     /// far as the bounds allow. Directions that diverge or have no room on either side are left out.
     fn responses(&self, objective: &Objective, directions: Vec<(DVector<f64>, f64)>) -> Vec<ProbeResponse> {
         let parameters = objective.parameters();
-        let spreads = DVector::from_fn(self.active.len(), |k, _| parameters[self.active[k]].spread);
+        let spreads = DVector::from_fn(self.active.len(), |k, _| parameters[self.active[k]].prior_sd());
         let placed = |(along, step): (DVector<f64>, f64)| {
             let scaled = along.component_mul(&spreads);
             let stencil = self.stencil_along(parameters, &scaled, step)?;

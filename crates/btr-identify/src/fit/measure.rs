@@ -6,10 +6,6 @@ use super::residual_vector::{ResidualVector, channels, corrected, squares};
 use super::solve::FitPoint;
 use btr_core::signal::stats::autocorrelation_time;
 
-/// Largest error, in multiples of the noise floor, of a residual that counts as noise. Above it the residual has
-/// structure, and intervals would be too narrow.
-pub const NOISE: f64 = 1.15;
-
 /// The residual statistics of a comparison: taken from the best fit, and the same for all rivals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ComparisonMeasure {

@@ -4,7 +4,6 @@
 mod derivative;
 mod estimate;
 mod fitted;
-mod identifiable;
 pub(crate) mod measure;
 mod objective;
 mod remaining;
@@ -15,12 +14,14 @@ mod solve;
 mod start;
 mod time_step;
 
+pub use crate::residual_model::NOISE;
 pub use derivative::columns;
-pub use estimate::{Estimate, Intervals, NullDirection, estimates, null_directions};
+pub use estimate::{
+    Estimate, Identifiable, Intervals, NullDirection, Sensitivity, estimates, identifiable, null_directions,
+};
 pub(crate) use fitted::RESTARTS;
 pub use fitted::{FitResult, fitted};
-pub use identifiable::{Identifiable, Sensitivity, identifiable};
-pub use measure::{ComparisonMeasure, NOISE};
+pub use measure::ComparisonMeasure;
 pub use objective::{LogSet, Objective, StopSignal};
 pub(crate) use remaining::remaining;
 pub use remaining::{Degree, RemainingError};

@@ -1,8 +1,9 @@
-//! The error that is left, channel by channel: in units, in noise floors, and in what runs of the same command differ by.
+//! The error that is left, channel by channel: in units, in noise floors, and in repeatability.
 
-use super::measure::{NOISE, residual_without_step_error};
+use super::measure::residual_without_step_error;
 use super::objective::{LogSet, Objective};
 use super::residual_vector::{channels, squares};
+use crate::residual_model::NOISE;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 

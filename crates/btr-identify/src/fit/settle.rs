@@ -78,7 +78,7 @@ impl FitPoint {
 
     /// The fall of the cost with a step as predicted by the local model.
     fn predicted_fall(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>, step: &DVector<f64>) -> f64 {
-        let prior = |(&k, by): (&usize, &f64)| (2.0 * self.u[k] * by + by * by) / parameters[k].spread.powi(2);
+        let prior = |(&k, by): (&usize, &f64)| (2.0 * self.u[k] * by + by * by) / parameters[k].prior_sd().powi(2);
         let change = jacobian * step;
         let priors: f64 = self.active.iter().zip(step.iter()).map(prior).sum();
         -(2.0 * change.dot(&DVector::from_column_slice(&self.residual)) + change.norm_squared() + priors)
@@ -99,7 +99,7 @@ impl FitPoint {
             let beyond = |k: usize| {
                 let (parameter, u) = (&parameters[self.active[k]], self.u[self.active[k]]);
                 let bound = if step[k] < 0.0 { parameter.bounds.0 } else { parameter.bounds.1 };
-                (((step[k] - (bound - u)) * step[k].signum()) / parameter.spread, bound - u)
+                (((step[k] - (bound - u)) * step[k].signum()) / parameter.prior_sd(), bound - u)
             };
             let free = (0..pinned.len()).filter(|&k| pinned[k].is_none());
             let farthest = free.map(|k| (k, beyond(k))).max_by(|a, b| a.1.0.total_cmp(&b.1.0));

@@ -241,7 +241,7 @@ impl FitPoint {
         let mut curvature = jacobian.tr_mul(jacobian);
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&self.residual));
         for (k, &parameter) in self.active.iter().enumerate() {
-            let information = parameters[parameter].spread.powi(-2);
+            let information = parameters[parameter].prior_sd().powi(-2);
             curvature[(k, k)] += information;
             gradient[k] += information * self.u[parameter];
         }
@@ -251,7 +251,7 @@ impl FitPoint {
 
 /// Sum of squares of residual and priors.
 pub fn cost(parameters: &[FitParameter], active: &[usize], u: &[f64], residual: &[f64]) -> f64 {
-    let prior: f64 = active.iter().map(|&parameter| (u[parameter] / parameters[parameter].spread).powi(2)).sum();
+    let prior: f64 = active.iter().map(|&parameter| (u[parameter] / parameters[parameter].prior_sd()).powi(2)).sum();
     squares(residual) + prior
 }
 

@@ -3,7 +3,10 @@
 use super::candidate::{EffectCandidate, LawTerm};
 use super::log::{LogStart, RecordedLog};
 use super::parameter::FitParameter;
-use crate::fit::NOISE;
+
+/// Largest error, in multiples of the noise floor, of a residual that counts as noise. Above it the residual has
+/// structure, and intervals would be too narrow.
+pub const NOISE: f64 = 1.15;
 
 /// The parameters, candidates and logs of a residual model, and how to simulate it.
 ///

@@ -31,8 +31,11 @@ pub struct FitParameter {
     pub law: Parametrisation,
     /// Least and greatest coordinate.
     pub bounds: (f64, f64),
-    /// How far from 0 the coordinate is expected to be (a standard deviation).
+    /// How far from 0 the coordinate is expected to be (a standard deviation), before any log.
     pub spread: f64,
+    /// The standard deviation that earlier logs leave, as a coordinate: the prior in the place of `spread`. `None`
+    /// without such logs.
+    pub known: Option<f64>,
     /// Reach of a finite difference.
     pub reach: f64,
     /// Whether it switches something on that is off at 0.
@@ -67,9 +70,14 @@ impl FitParameter {
         }
     }
 
+    /// Standard deviation of its prior, as a coordinate.
+    pub fn prior_sd(&self) -> f64 {
+        self.known.unwrap_or(self.spread)
+    }
+
     /// Whether its prior allows deviations by more than a factor of e.
     pub fn is_of_any_magnitude(&self) -> bool {
-        self.law == Parametrisation::Exponential && self.size * self.spread > 1.0
+        self.law == Parametrisation::Exponential && self.size * self.prior_sd() > 1.0
     }
 
     /// d ln(value) / d u: infinite, or not a number, where the value is 0 or off.

@@ -112,6 +112,7 @@ pub(crate) fn parameter(name: &str, amplitude: bool) -> FitParameter {
         law: Parametrisation::Linear,
         bounds,
         spread,
+        known: None,
         reach: 0.1,
         amplitude,
     }

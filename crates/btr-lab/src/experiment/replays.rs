@@ -1,9 +1,9 @@
 //! A model with the logs that are named on the command line: each log is a scenario.
 
 use super::build::Builder;
+use super::logs::batch::{BatchReader, DamagedLogs, LeftOutLog, LogBatch};
 use super::logs::index::IndexEntries;
-use super::logs::read::read;
-use super::logs::scenarios::{LogPurpose, ScenarioReader, ScenarioSet};
+use super::logs::scenarios::ScenarioReader;
 use super::logs::source::{LogSource, Recordings};
 use super::source::{FileError, Source};
 use crate::log_quality::repeats::Repeats;
@@ -26,6 +26,8 @@ pub struct Replays {
     pub warnings: Vec<String>,
     /// The quality of the logs, one per file.
     pub checked: Vec<CheckedLog>,
+    /// Logs that could not be used.
+    pub left_out: Vec<LeftOutLog>,
     /// The logs as they were read.
     pub recordings: Recordings,
     /// Runs of the same command.
@@ -63,6 +65,17 @@ pub fn replays<L>(source: &Source, learn: &[L], held_out: &[L]) -> Result<Replay
 where
     L: Clone + Into<LogSource>,
 {
+    replays_of(source, learn, held_out, DamagedLogs::Refuse)
+}
+
+/// The same, with a choice for logs whose content cannot be used.
+///
+/// # Errors
+/// See [`replays`]; a damaged log is none where it is left out and another one of its purpose remains.
+pub fn replays_of<L>(source: &Source, learn: &[L], held_out: &[L], damaged: DamagedLogs) -> Result<Replays, FileError>
+where
+    L: Clone + Into<LogSource>,
+{
     let given = |logs: &[L]| logs.iter().cloned().map(Into::into).collect::<Vec<LogSource>>();
     let (learn, held_out) = (given(learn), given(held_out));
     let file = source.parse()?;
@@ -76,37 +89,14 @@ where
         let help = "name a log of what the robot did: a CSV, an MCAP, a LeRobot episode".into();
         return Err(source.error(&[], "no training log", Some(help)));
     }
-    let known = IndexEntries::of(&file, source)?;
     let reader = ScenarioReader { file: &file, source, robot: &robot };
-    let (mut all, mut recordings) = (ScenarioSet::none(), Recordings::default());
-    let (mut scenarios, mut declared) = (Vec::new(), Vec::new());
-    for (k, given) in learn.iter().chain(&held_out).enumerate() {
-        let (path, log) = (given.path(), read(given, &file, &robot)?);
-        all.notice(path, log.warnings.iter().cloned().chain(known.misses(path)));
-        let settings = known.settings(path, &robot, source)?;
-        let (purpose, list) = match k < learn.len() {
-            true => (LogPurpose::Training, &mut recordings.learn),
-            false => (LogPurpose::HeldOut, &mut recordings.held_out),
-        };
-        let first = all.scenarios.len();
-        all.add(&log, purpose, &settings, &reader)?;
-        declared.resize(all.scenarios.len(), known.repeats(path, source)?);
-        scenarios.push(first..all.scenarios.len());
-        list.push(log);
-    }
-    let Recordings { learn, held_out } = &recordings;
-    let mut pairs = learn.iter().flat_map(|training| held_out.iter().map(move |held_out| (training, held_out)));
-    if let Some((training, held_out)) = pairs.find(|(a, b)| a.log.is_same(&b.log)) {
-        let (training, held_out) = (training.path.display(), held_out.path.display());
-        let message =
-            format!("{training} and {held_out} hold the same measurements, for training and held out at once");
-        let help = "hold out another recording; without any, the last part of each log is held out".into();
-        return Err(source.error(&[], &message, Some(help)));
-    }
-    let (mut logs, warnings) = (all.logs.clone(), all.warnings.clone());
-    let mut model = builder.model(all)?;
+    let batch = BatchReader { reader, index: IndexEntries::of(&file, source)?, noise: builder.noise(), damaged };
+    let LogBatch { set, recordings, scenarios, declared, left_out } = batch.read(&learn, &held_out)?;
+    check_separate(&recordings, source)?;
+    let (mut logs, warnings) = (set.logs.clone(), set.warnings.clone());
+    let mut model = builder.model(set)?;
     // Smoothed torques do not show their noise any more.
-    let raw: Vec<&Log> = learn.iter().map(|read| &read.log).collect();
+    let raw: Vec<&Log> = recordings.learn.iter().map(|read| &read.log).collect();
     let floors = torque_noise::floors(&model, &raw, &logs);
     model.setup.noise.channels.extend(floors);
     let beside = match file.channels.keep_glitches {
@@ -115,7 +105,8 @@ where
     };
     let repeats = Repeats::of(&model, &logs, &declared);
     model.setup.noise.unpredictable.channels = repeats.noise();
-    let checked = learn.iter().chain(held_out).zip(scenarios).map(|(read, scenarios)| {
+    let all = recordings.learn.iter().chain(&recordings.held_out);
+    let checked = all.zip(scenarios).map(|(read, scenarios)| {
         let in_file = |k: usize| {
             let begins_s = model.scenarios[k].begins_s;
             let first = read.log.clock_s().partition_point(|t| *t < begins_s - ROUNDED_S);
@@ -128,5 +119,16 @@ where
         }
     });
     let checked = checked.collect();
-    Ok(Replays { logs, warnings, checked, model, recordings, repeats })
+    Ok(Replays { logs, warnings, checked, left_out, model, recordings, repeats })
+}
+
+/// Rejects measurements that are for training and held out at once.
+fn check_separate(recordings: &Recordings, source: &Source) -> Result<(), FileError> {
+    let Recordings { learn, held_out } = recordings;
+    let mut pairs = learn.iter().flat_map(|training| held_out.iter().map(move |held_out| (training, held_out)));
+    let Some((training, held_out)) = pairs.find(|(a, b)| a.log.is_same(&b.log)) else { return Ok(()) };
+    let (training, held_out) = (training.path.display(), held_out.path.display());
+    let message = format!("{training} and {held_out} hold the same measurements, for training and held out at once");
+    let help = "hold out another recording; without any, the last part of each log is held out".into();
+    Err(source.error(&[], &message, Some(help)))
 }

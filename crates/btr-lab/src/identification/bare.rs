@@ -18,8 +18,9 @@ impl IdentificationProblem {
         parts: Vec<LogPart>,
     ) -> Result<Self, WorldError> {
         let scales = RobotScales::of(&model, &recorded)?;
+        let dims = model.simulations.dims().iter().enumerate();
         Ok(IdentificationProblem {
-            parameters: model.simulations.dims().iter().map(|dim| free_parameter(dim, &scales)).collect(),
+            parameters: dims.map(|(k, dim)| free_parameter(dim, model.prior_sd(k), &scales)).collect(),
             free: (0..model.simulations.len()).collect(),
             candidates: Vec::new(),
             logs: Vec::new(),

@@ -6,7 +6,6 @@ mod bare;
 mod candidates;
 mod catalogue;
 mod contact;
-mod floors;
 mod input;
 mod log_parts;
 mod measured;
@@ -17,8 +16,7 @@ mod simulated;
 mod start;
 
 pub(crate) use catalogue::sites::{has_dry_friction, sites};
-pub use floors::{ErrorUnit, NoiseFloor};
-pub use input::{Doubt, VerbInput, doubts};
+pub use input::{Doubt, ErrorUnit, NoiseFloor, VerbInput, doubts};
 pub use problem::IdentificationProblem;
 pub use problem_error::ProblemError;
 pub(crate) use start::moved::seen_starts;

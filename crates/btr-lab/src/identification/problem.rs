@@ -9,6 +9,7 @@ use btr_physics::effects::Effect;
 use btr_physics::model::parameter::Target;
 use btr_physics::model::{Model, Scenario};
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// What a candidate changes in the model.
@@ -54,6 +55,16 @@ impl IdentificationProblem {
     /// The logs' channels, to change their floors.
     pub(crate) fn floors(&mut self) -> impl Iterator<Item = &mut RecordedLog> {
         self.logs.iter_mut()
+    }
+
+    /// The model's own parameters, free or frozen; they come before those of candidates.
+    pub(super) fn own(&self) -> Range<usize> {
+        0..self.model.simulations.len()
+    }
+
+    /// Makes only these of the model's own parameters free.
+    pub(in crate::identification) fn set_free(&mut self, free: Vec<usize>) {
+        self.free = free;
     }
 
     /// The scenario of a log.

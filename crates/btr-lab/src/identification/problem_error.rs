@@ -2,6 +2,7 @@
 
 use crate::experiment::FileError;
 use crate::model_text::AddError;
+use crate::suggest::remedy;
 use btr_core::text::{Text, Verb};
 use btr_core::world::WorldError;
 use btr_identify::quality::FEWEST_SAMPLES;
@@ -19,6 +20,17 @@ pub enum ProblemError {
     /// An effect or a law cannot be added to the model.
     #[error(transparent)]
     Add(#[from] AddError),
+    /// A pattern of parameters to freeze that matches none.
+    #[error("`{pattern}` matches no free parameter of this model, so it freezes nothing")]
+    FreezesNothing {
+        /// The pattern.
+        pattern: String,
+        /// The names of the free parameters.
+        known: Vec<String>,
+    },
+    /// A parameter to freeze that stands for several values of the model.
+    #[error("`{0}` cannot be frozen: the model has no single value of it")]
+    NoValueToFreeze(String),
     /// Logs in which nothing moves.
     #[error("nothing moves in the training logs, so they contain no information about the model")]
     Still,
@@ -37,6 +49,12 @@ impl ProblemError {
     /// The remedy, for errors that do not come from a file.
     pub fn help(&self) -> Option<Text> {
         Some(match self {
+            ProblemError::FreezesNothing { known, .. } if known.is_empty() => "the model has no free parameter".into(),
+            ProblemError::FreezesNothing { pattern, known } => remedy(pattern, known.iter().map(String::as_str)),
+            ProblemError::NoValueToFreeze(name) => {
+                format!("give the value to keep: \"{name}\" = {{ value = ... }} in [parameters] of the model file")
+                    .into()
+            }
             ProblemError::Still => {
                 Text::from("record the joints while they are driven; ") + Verb::Check + " tells what is in a log"
             }

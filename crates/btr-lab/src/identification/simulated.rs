@@ -42,9 +42,9 @@ impl IdentificationProblem {
         self.model.simulate(self.at(u).request(scenario).time_step(step))
     }
 
-    /// The values of the free parameters at a point.
+    /// The values of the model's own parameters at a point.
     pub(crate) fn inner(&self, u: &[f64]) -> Vec<f64> {
-        self.free.iter().map(|&k| self.inside(k, self.parameters[k].value(u[k]))).collect()
+        self.own().map(|k| self.inside(k, self.parameters[k].value(u[k]))).collect()
     }
 
     /// The model at a point.

@@ -15,6 +15,15 @@ pub(crate) fn unmeasured_joints(robot: &Robot, logs: &[Log]) -> Vec<String> {
     unmeasured.map(|joint| joint.name.clone()).collect()
 }
 
+/// Whether a log has a reading that can be compared with a simulation.
+pub(crate) fn measures_a_joint(robot: &Robot, noise: &SensorNoise, log: &Log) -> bool {
+    let compared = |name: &str| {
+        let values = log.channel(name).map_or(&[][..], |channel| &channel.values);
+        values.iter().any(|x| x.is_finite()) && noise.floor(name, values).is_some()
+    };
+    robot.movable().any(|(_, link)| compared(&link.joint.compared()))
+}
+
 /// Whether any comparable reading changes by more than its noise.
 pub(crate) fn is_moving(robot: &Robot, noise: &SensorNoise, logs: &[Log]) -> bool {
     let moves = |log: &Log, name: &str| {

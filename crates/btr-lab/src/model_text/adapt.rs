@@ -16,13 +16,30 @@ const TASK: [&str; 2] = ["drive", "fitness"];
 /// Comment above the parameters of an adapted model.
 const PRECEDENCE: &str = "# As fitted: these values win over those under [robot] and [actuators].";
 
+/// A free parameter of a model file.
+#[derive(Clone, Copy, Debug)]
+pub struct FittedValue<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Its value.
+    pub value: f64,
+    /// Standard deviation of the value, where it is known.
+    pub sd: Option<f64>,
+}
+
+impl<'a> From<(&'a str, f64)> for FittedValue<'a> {
+    fn from((name, value): (&'a str, f64)) -> Self {
+        FittedValue { name, value, sd: None }
+    }
+}
+
 /// The text of `source` as a model file in the folder `into`, with its free parameters at these values, by name.
 ///
 /// # Errors
 /// A file that is not TOML; it was read before, so this does not happen.
 pub fn adapted<'a>(
     source: &Source,
-    values: impl IntoIterator<Item = (&'a str, f64)>,
+    values: impl IntoIterator<Item = FittedValue<'a>>,
     into: &Path,
 ) -> Result<String, TomlError> {
     let mut document = source.text.parse::<DocumentMut>()?;
@@ -45,19 +62,22 @@ pub fn adapted_with_drive(
     if let Some(controller) = controller {
         fix_drive(&mut document, controller.named());
     }
-    Ok(model_text(document, source, simulation.named(), into))
+    Ok(model_text(document, source, simulation.named().map(FittedValue::from), into))
 }
 
 /// A document as a model file in the folder `into`, with these values of the free parameters.
 fn model_text<'a>(
     mut document: DocumentMut,
     source: &Source,
-    values: impl IntoIterator<Item = (&'a str, f64)>,
+    values: impl IntoIterator<Item = FittedValue<'a>>,
     into: &Path,
 ) -> String {
     NOT_MODEL.iter().for_each(|section| drop(document.remove(section)));
     anchor(&mut document, source.folder(), into);
-    write_values(&mut document, values);
+    for FittedValue { name, value, sd } in values {
+        write_value(&mut document, name, "value", Some(value));
+        write_value(&mut document, name, "sd", sd);
+    }
     note_precedence(&mut document);
     with_schema(&document.to_string(), source.folder(), into)
 }
@@ -102,19 +122,21 @@ fn fix_drive<'a>(document: &mut DocumentMut, values: impl Iterator<Item = (&'a s
 /// See [`adapted`].
 pub fn at<'a>(text: &str, values: impl IntoIterator<Item = (&'a str, f64)>) -> Result<String, TomlError> {
     let mut document = text.parse::<DocumentMut>()?;
-    write_values(&mut document, values);
+    values.into_iter().for_each(|(name, value)| write_value(&mut document, name, "value", Some(value)));
     Ok(document.to_string())
 }
 
-fn write_values<'a>(document: &mut DocumentMut, values: impl IntoIterator<Item = (&'a str, f64)>) {
-    for (name, value) in values {
-        let Some(parameter) = document["parameters"].get_mut(name) else { continue };
-        if let Some(parameter) = parameter.as_table_like_mut() {
-            parameter.insert("value", toml_edit::value(value));
+/// Writes a key of a free parameter, or removes it.
+fn write_value(document: &mut DocumentMut, name: &str, key: &str, value: Option<f64>) {
+    let Some(parameter) = document["parameters"].get_mut(name) else { return };
+    if let Some(parameter) = parameter.as_table_like_mut() {
+        match value {
+            Some(value) => drop(parameter.insert(key, toml_edit::value(value))),
+            None => drop(parameter.remove(key)),
         }
-        if let Some(inline) = parameter.as_inline_table_mut() {
-            inline.fmt();
-        }
+    }
+    if let Some(inline) = parameter.as_inline_table_mut() {
+        inline.fmt();
     }
 }
 

@@ -6,7 +6,7 @@ mod add_law;
 mod enlarged;
 mod paths;
 
-pub use adapt::{SpacePoint, adapted, adapted_with_drive, at, in_finer_steps};
+pub use adapt::{FittedValue, SpacePoint, adapted, adapted_with_drive, at, in_finer_steps};
 pub(crate) use add_effect::add_scaled;
 pub use add_effect::{AddError, Addition, add};
 pub use add_law::{OwnLaw, OwnNumber, add_law};

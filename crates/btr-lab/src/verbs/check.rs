@@ -1,6 +1,6 @@
 //! `check`: the quality of logs, and the identifiability of the free parameters from them, before any fit.
 
-use crate::experiment::{CheckedLog, Replays};
+use crate::experiment::{CheckedLog, LeftOutLog, Replays};
 use crate::identification::IdentificationProblem;
 use crate::log_quality::repeats::RepeatReport;
 use btr_core::signal::dead_time::DeadTime;
@@ -21,6 +21,8 @@ pub struct CheckReport {
     pub warnings: Vec<String>,
     /// How far runs of the same command differ.
     pub repeatability: RepeatReport,
+    /// Logs that could not be used.
+    pub left_out: Vec<LeftOutLog>,
     /// Identifiability of the free parameters from all logs together.
     pub identifiability: IdentifiabilityReport,
 }
@@ -64,6 +66,9 @@ impl CheckReport {
         if let (Some(document), Value::Object(fields)) = (document.as_object_mut(), json!(self.identifiability)) {
             document.extend(fields);
         }
+        if !self.left_out.is_empty() {
+            document["left_out"] = json!(self.left_out);
+        }
         document
     }
 }
@@ -98,6 +103,7 @@ pub fn check(replays: Replays) -> CheckReport {
         logs,
         warnings: replays.warnings.clone(),
         repeatability: replays.repeats.report(&replays.model, &replays.logs),
+        left_out: replays.left_out.clone(),
         identifiability: identifiability(replays),
     }
 }

@@ -148,7 +148,7 @@ impl CompareReport {
                 "hint": cell.hint,
             })
         };
-        json!({
+        let mut document = json!({
             "ok": true,
             "channels": self.comparison.channels.iter().map(channel).collect::<Vec<_>>(),
             "failures": self.comparison.failures().iter().map(failure).collect::<Vec<_>>(),
@@ -156,6 +156,10 @@ impl CompareReport {
             "time_step_s": self.time_step_s(),
             "not_judged": self.replays.not_judged(),
             "warnings": self.replays.warnings,
-        })
+        });
+        if !self.replays.left_out.is_empty() {
+            document["left_out"] = json!(self.replays.left_out);
+        }
+        document
     }
 }

@@ -4,7 +4,7 @@ use super::diagnose_report::{DiagnoseReport, LawReport, grouped, wrong_values};
 use super::stated_low::stated_low;
 use crate::experiment::Source;
 use crate::identification::VerbInput;
-use crate::model_text::{AddError, Addition, adapted, add_scaled, in_finer_steps};
+use crate::model_text::{AddError, Addition, FittedValue, adapted, add_scaled, in_finer_steps};
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, MissingEffect, Verdict};
@@ -21,6 +21,8 @@ pub struct Diagnosed {
     /// The effects and the values that were added to it.
     found: Vec<MissingEffect>,
     step: TimeStep,
+    /// Whether what remains is noise.
+    is_explained: bool,
 }
 
 /// Usual number of simulated logs per joint and per effect that may be named, and fewest joints that count. Of 103
@@ -48,20 +50,23 @@ impl VerbInput {
     }
 
     /// The text of the diagnosed model for a file in the folder `into`: the effects that were found are in it as free
-    /// parameters, and all parameters have their fitted values. The time step is that of the diagnosis.
+    /// parameters, and all parameters have their fitted values. The time step is that of the diagnosis. Standard
+    /// deviations stay those of earlier logs, as these logs are fitted next; where something is unexplained, there are
+    /// none.
     ///
     /// # Errors
     /// An effect that the model's text has already, which a diagnosis does not name.
     pub fn diagnosed_text(&self, diagnosed: &Diagnosed, into: &Path) -> Result<String, AddError> {
-        let Diagnosed { fit, found, step } = diagnosed;
+        let Diagnosed { fit, found, step, is_explained } = diagnosed;
         let (problem, parameters) = (&self.problem, self.problem.parameters());
         let additions: Result<Vec<Vec<Addition>>, AddError> = found.iter().map(|one| self.addition(one)).collect();
         let text = add_scaled(&self.source, self.problem.scales(), &additions?.concat())?;
         let source = Source { text, ..self.source.clone() };
         let added = found.iter().flat_map(|found| problem.candidates()[found.candidate].parameters());
         let added = added.map(|k| (parameters[k].name.as_str(), parameters[k].value(fit.u[k])));
-        let free = problem.model().simulations.dims().iter().map(|dim| dim.name.as_str()).zip(self.values(fit));
-        let text = adapted(&source, free.chain(added), into)?;
+        let sd = |name: &str| self.earlier_sd(name).filter(|_| *is_explained);
+        let free = self.values(fit).map(|(name, value)| FittedValue { name, value, sd: sd(name) });
+        let text = adapted(&source, free.chain(added.map(FittedValue::from)), into)?;
         let setup = &problem.model().setup;
         Ok(if *step == TimeStep::USUAL { text } else { in_finer_steps(&text, setup, step.divides_by())? })
     }
@@ -118,13 +123,17 @@ pub fn diagnose(
         time_step_s: input.time_step_s(objective.step()),
         doubts: input.doubts.clone(),
         not_judged: input.not_judged.clone(),
+        left_out: input.left_out.clone(),
+        frozen: input.frozen.clone(),
+        with_prior: input.with_prior(),
         at_bound: diagnosis.at_bound.clone(),
         cut_short: diagnosis.cut_short,
         rollouts: diagnosis.rollouts,
         seconds: began.elapsed().as_secs_f64(),
     };
-    let step = objective.step();
-    Ok((report, Diagnosed { fit: diagnosis.fit, found: diagnosis.effects, step }))
+    let (step, found) = (objective.step(), diagnosis.effects);
+    let is_explained = !matches!(report.verdict, Verdict::Unexplained | Verdict::PartlyExplained);
+    Ok((report, Diagnosed { fit: diagnosis.fit, found, step, is_explained }))
 }
 
 fn residual_law(input: &VerbInput, diagnosis: &Diagnosis) -> Option<LawReport> {

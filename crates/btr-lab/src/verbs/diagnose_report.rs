@@ -1,6 +1,7 @@
 //! The document of `diagnose`.
 
 use super::next_experiment::NextExperiment;
+use crate::experiment::LeftOutLog;
 use crate::identification::{Doubt, NoiseFloor, VerbInput};
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{MissingEffect, RankedCandidate, Verdict};
@@ -188,6 +189,15 @@ pub struct DiagnoseReport {
     pub doubts: Vec<Doubt>,
     /// Joints without measurements: the result does not cover them.
     pub not_judged: Vec<String>,
+    /// Logs that could not be used.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<LeftOutLog>,
+    /// Parameters that kept the model's values, by name.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub frozen: Vec<String>,
+    /// Free parameters whose prior is what earlier logs left (`sd` in the model file), by name.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub with_prior: Vec<String>,
     /// Free parameters that ended at a bound: the bounds may cause the remaining error.
     pub at_bound: Vec<String>,
     /// Whether the diagnosis was stopped before it had finished: this is the best so far.

@@ -1,7 +1,9 @@
 //! `fit`: estimates of the free parameters with their uncertainties.
 
+use crate::experiment::LeftOutLog;
 use crate::identification::{Doubt, NoiseFloor, VerbInput};
-use crate::model_text::{adapted, in_finer_steps};
+use crate::model_text::{FittedValue, adapted, in_finer_steps};
+use btr_core::space::Dim;
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_identify::fit::{Degree, Estimate, FitPoint, FitStop, NullDirection, Objective, RemainingError};
@@ -40,8 +42,17 @@ pub struct FitReport {
     pub noise_floor: Vec<NoiseFloor>,
     /// Findings of `check` that make the result doubtful.
     pub doubts: Vec<Doubt>,
+    /// Logs that could not be used.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<LeftOutLog>,
     /// Joints without measurements: the result does not cover them.
     pub not_judged: Vec<String>,
+    /// Parameters that kept the model's values, by name.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub frozen: Vec<String>,
+    /// Free parameters whose prior is what earlier logs left (`sd` in the model file), by name.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub with_prior: Vec<String>,
     /// Discretisation error in multiples of the noise floor.
     pub integrator_error: f64,
     /// Time step of the fit, in s; finer than the model's if that is too coarse.
@@ -80,6 +91,9 @@ pub fn fit(
         noise_floor: input.floors(),
         doubts: input.doubts.clone(),
         not_judged: input.not_judged.clone(),
+        left_out: input.left_out.clone(),
+        frozen: input.frozen.clone(),
+        with_prior: input.with_prior(),
         integrator_error: fitted.integrator_error,
         time_step_s: input.time_step_s(fitted.step),
         rollouts: fitted.rollouts,
@@ -89,13 +103,21 @@ pub fn fit(
 }
 
 impl VerbInput {
-    /// The text of the fitted model for a file in the folder `into`, with the time step of the fit.
+    /// The text of the fitted model for a file in the folder `into`, with the time step of the fit. A parameter with an
+    /// interval has its standard deviation, as the prior of a fit to further logs.
     ///
     /// # Errors
     /// A text that is not TOML; it was parsed before, so this does not happen.
-    pub fn fitted_text(&self, fit: &FitPoint, step: TimeStep, into: &Path) -> Result<String, TomlError> {
-        let names = self.problem.model().simulations.dims().iter().map(|dim| dim.name.as_str());
-        let text = adapted(&self.source, names.zip(self.values(fit)), into)?;
+    pub fn fitted_text(
+        &self,
+        report: &FitReport,
+        fit: &FitPoint,
+        step: TimeStep,
+        into: &Path,
+    ) -> Result<String, TomlError> {
+        let sd = |name: &str| report.parameters.iter().find(|estimate| estimate.name == name)?.prior_sd;
+        let values = self.values(fit).map(|(name, value)| FittedValue { name, value, sd: sd(name) });
+        let text = adapted(&self.source, values, into)?;
         let setup = &self.problem.model().setup;
         if step == TimeStep::USUAL { Ok(text) } else { in_finer_steps(&text, setup, step.divides_by()) }
     }
@@ -105,12 +127,10 @@ impl VerbInput {
         self.problem.model().setup.dt_s / f64::from(step.divides_by())
     }
 
-    /// The values of the free parameters at a fit, in the order of the model's space.
-    pub fn values(&self, fit: &FitPoint) -> Vec<f64> {
-        let dims = self.problem.model().simulations.dims();
-        let value = |(&k, dim): (&usize, &btr_core::space::Dim)| {
-            self.problem.parameters()[k].value(fit.u[k]).clamp(dim.min, dim.max)
-        };
-        self.problem.free().iter().zip(dims).map(value).collect()
+    /// The free parameters at a fit: their names and values.
+    pub(super) fn values(&self, fit: &FitPoint) -> impl Iterator<Item = (&str, f64)> {
+        let value = |(&k, dim): (&usize, &Dim)| self.problem.parameters()[k].value(fit.u[k]).clamp(dim.min, dim.max);
+        let values: Vec<f64> = self.problem.free().iter().zip(self.free_dims()).map(value).collect();
+        self.free_dims().map(|dim| dim.name.as_str()).zip(values)
     }
 }

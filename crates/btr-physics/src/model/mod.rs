@@ -58,6 +58,8 @@ pub struct Model {
     pub targets: Vec<Target>,
     /// S.
     pub simulations: Space,
+    /// For each dimension of S, the standard deviation that earlier logs leave, in its unit; `None` without such logs.
+    pub prior_sds: Vec<Option<f64>>,
     /// The drive, with C.
     pub drive: DrivePlan,
     /// Scenarios, at least one. Those from `learn` on are held out: no search ever sees them.
@@ -71,6 +73,11 @@ pub struct Model {
 }
 
 impl Model {
+    /// The standard deviation that earlier logs leave for a dimension of S, in its unit.
+    pub fn prior_sd(&self, dim: usize) -> Option<f64> {
+        self.prior_sds.get(dim).copied().flatten()
+    }
+
     /// The same model with other scenarios, all for training.
     #[must_use]
     pub fn in_situations(&self, scenarios: Vec<Scenario>) -> Model {
@@ -80,6 +87,7 @@ impl Model {
             setup: self.setup.clone(),
             targets: self.targets.clone(),
             simulations: self.simulations.clone(),
+            prior_sds: self.prior_sds.clone(),
             drive: self.drive.clone(),
             learn: scenarios.len(),
             scenarios,

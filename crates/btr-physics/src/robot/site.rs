@@ -20,6 +20,11 @@ pub fn numbered(sites: &str, number: usize) -> String {
     if number > 1 { format!("{sites}#{number}") } else { sites.to_owned() }
 }
 
+/// Whether a whole name matches a pattern in which `*` matches any run of characters; nothing else has a meaning.
+pub fn is_like(pattern: &str, name: &str) -> bool {
+    glob(pattern.as_bytes(), name.as_bytes())
+}
+
 fn glob(pattern: &[u8], name: &[u8]) -> bool {
     match pattern.split_first() {
         None => name.is_empty(),
@@ -30,7 +35,14 @@ fn glob(pattern: &[u8], name: &[u8]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::{instance, matches, numbered};
+    use super::{instance, is_like, matches, numbered};
+
+    #[test]
+    fn a_whole_name_has_no_parts() {
+        assert!(is_like("mass@*", "mass@bob") && is_like("cogging.*@*", "cogging.order@elbow#2"));
+        assert!(is_like("kp@hip,knee", "kp@hip,knee") && !is_like("kp@hip,knee", "kp@hip"));
+        assert!(is_like("a@elbow#2", "a@elbow#2") && !is_like("a@elbow#2", "a@elbow"));
+    }
 
     #[test]
     fn lists_and_wildcards_match() {

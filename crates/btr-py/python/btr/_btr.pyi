@@ -148,8 +148,8 @@ _Begins = tuple[_Start, list[float] | None, float]
 _Robot = Callable[[int, int, int, list[str], list[float], Log, _Start, list[float] | None, float], Log]
 _Tell = Callable[[str, float, float | None], None]
 
-def check(model: Model, logs: Sequence[_Given]) -> str: ...
-def compare(model: Model, logs: Sequence[_Given]) -> tuple[str, Page]: ...
+def check(model: Model, logs: Sequence[_Given], strict: bool) -> str: ...
+def compare(model: Model, logs: Sequence[_Given], strict: bool) -> tuple[str, Page]: ...
 def diagnose(
     model: Model,
     logs: Sequence[_Given],
@@ -157,6 +157,8 @@ def diagnose(
     max_effects: int | None,
     max_rollouts: int | None,
     max_time_s: float | None,
+    freeze: Sequence[str],
+    strict: bool,
     tell: _Tell,
     executor: int | _Executor | None,
 ) -> tuple[str, Page, Log | None, str]: ...
@@ -166,6 +168,8 @@ def fit(
     logs: Sequence[_Given],
     held_out: Sequence[_Given],
     add: Sequence[str],
+    freeze: Sequence[str],
+    strict: bool,
     tell: _Tell,
     executor: int | _Executor | None,
 ) -> tuple[str, Page, str, str]: ...

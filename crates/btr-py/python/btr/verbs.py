@@ -20,8 +20,10 @@ logs (None without any), in multiples of the noise floor. Called on another thre
 
 
 def _warned(document: dict[str, Any]) -> dict[str, Any]:
-    """Warns about bad logs: results from them cannot be trusted."""
-    for doubt in document["doubts"]:
+    """Warns about logs that were left out, and about bad logs: results from them cannot be trusted."""
+    for log in document.get("left_out", []):
+        _warnings.warn(f"left out: {log['reason']}")
+    for doubt in document.get("doubts", []):
         if doubt["severity"] == "bad":
             _warnings.warn(f"{doubt['log']}: {doubt['sentence']}")
     return document
@@ -37,26 +39,36 @@ def _heard(tell: Tell | None) -> Tell:
     return listener
 
 
+def _texts(given: str | Iterable[str] | None) -> list[str]:
+    return [given] if isinstance(given, str) else list(given or ())
+
+
 def effects(name: str | None = None) -> EffectsResult:
     """The library of physical effects, or the one of this name: law, parameters, symptoms, source, and similar effects.
     Raises `BtrError` for an unknown name."""
     return EffectsResult(json.loads(_btr.effects(name)))
 
 
-def check(model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike]) -> CheckResult:
+def check(
+    model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike], *, strict: bool = False
+) -> CheckResult:
     """Quality of logs before any fit, and which free parameters they determine. Readings that no motion explains are
-    listed and, as in the other verbs, left out, unless the model has `channels.keep_glitches`. Raises `BtrError` for
-    logs that cannot be read or do not match the model."""
+    listed and, as in the other verbs, left out, unless the model has `channels.keep_glitches`. So are logs whose
+    content cannot be used (`left_out`), with a warning, if another one remains. Raises `BtrError` if none does, for
+    any such log if `strict`, and for paths that do not exist."""
     model = loaded(model)
-    return CheckResult(json.loads(_btr.check(model._model, Logs(model._model).all(logs))))
+    return CheckResult(_warned(json.loads(_btr.check(model._model, Logs(model._model).all(logs), strict))))
 
 
-def compare(model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike]) -> CompareResult:
+def compare(
+    model: Model | str | os.PathLike[str], logs: LogLike | Iterable[LogLike], *, strict: bool = False
+) -> CompareResult:
     """The model's error on every channel, in multiples of the noise floor, and where it fails. Raises `BtrError` for
-    logs that cannot be read or have no channel in common with the model."""
+    logs that cannot be read or have no channel in common with the model; among others they are left out, unless
+    `strict` (see `check`)."""
     model = loaded(model)
-    document, page = _btr.compare(model._model, Logs(model._model).all(logs))
-    return CompareResult(json.loads(document), page)
+    document, page = _btr.compare(model._model, Logs(model._model).all(logs), strict)
+    return CompareResult(_warned(json.loads(document)), page)
 
 
 def diagnose(
@@ -67,24 +79,30 @@ def diagnose(
     max_effects: int | None = None,
     max_rollouts: int | None = None,
     max_time_s: float | None = None,
+    freeze: str | Iterable[str] | None = None,
+    strict: bool = False,
     tell: Tell | None = None,
     executor: ExecutorLike = None,
 ) -> DiagnoseResult:
     """Which physical effect the model lacks, on which joint and with what probability; or that nothing is missing, or
     that no known effect explains the error. The held-out logs decide; without any, the last part of each log is held
-    out. Errors are in multiples of the noise floor. `max_effects` limits the number of effects (usually 3, or
-    3 per joint where the motion of all joints is prescribed). After about
-    `max_rollouts` simulated logs (usually 850 per joint, of at least four, and effect; without limit for floating
-    robots) or `max_time_s`, in s, the search stops with the best so far; `executor` selects where simulations run (see
-    `btr.executors`). The result's `model` has the effects that were found, at their fitted values. Raises `BtrError`
-    for logs without information, or on which the model diverges. An exception of `tell` ends the diagnosis."""
+    out. Errors are in multiples of the noise floor. `max_effects` limits the number of effects (usually 3, or 3 per
+    joint where the motion of all joints is prescribed). After about `max_rollouts` simulated logs (usually 850 per
+    joint, of at least four, and effect; without limit for floating robots) or `max_time_s`, in s, the search stops with
+    the best so far; `executor` selects where simulations run (see `btr.executors`). `freeze` keeps free parameters at
+    the model's values, as in `fit`. The result's `model` has the effects that were found, at their fitted values.
+    Raises `BtrError` for logs without information, or on which the model diverges. Logs that cannot be used are left
+    out among others, unless `strict` (see `check`). An exception of `tell` ends the diagnosis."""
     model, workers, tell = loaded(model), executor_of(executor), _heard(tell)
     most = None if max_effects is None else count(max_effects, "max_effects")
     given = Logs(model._model)
     time_s = None if max_time_s is None else positive(max_time_s, "max_time_s")
     rollouts = None if max_rollouts is None else count(max_rollouts, "max_rollouts")
     learn, held = given.all(logs), given.all(held_out)
-    document, page, commands, text = _btr.diagnose(model._model, learn, held, most, rollouts, time_s, tell, workers)
+    frozen = _texts(freeze)
+    document, page, commands, text = _btr.diagnose(
+        model._model, learn, held, most, rollouts, time_s, frozen, strict, tell, workers
+    )
     return DiagnoseResult(_warned(json.loads(document)), page, commands, model._with_text(text))
 
 
@@ -100,15 +118,19 @@ def fit(
     *,
     held_out: LogLike | Iterable[LogLike] | None = None,
     add: str | Iterable[str] | None = None,
+    freeze: str | Iterable[str] | None = None,
+    strict: bool = False,
     tell: Tell | None = None,
     executor: ExecutorLike = None,
 ) -> FitResult:
     """Fits the free parameters: values with 95 % intervals, in their units, and the fitted model. `add` adds effects
-    first, and `executor` selects where simulations run (see `btr.executors`). Raises `BtrError` for a model without
-    free parameters, for logs without information, or on which the model diverges. An exception of `tell` ends the
-    fit."""
+    first. `freeze` keeps the free parameters of these names at the model's values; `*` in a name matches any characters
+    (`"mass@*"`). `executor` selects where simulations run (see `btr.executors`). Raises `BtrError` for a model without
+    free parameters, for logs without information, or on which the model diverges. Logs that cannot be used are left out
+    among others, unless `strict` (see `check`). An exception of `tell` ends the fit."""
     model, workers, tell = loaded(model), executor_of(executor), _heard(tell)
-    added = [add] if isinstance(add, str) else list(add or ())
+    added, frozen = _texts(add), _texts(freeze)
     given = Logs(model._model)
-    document, page, space, fitted = _btr.fit(model._model, given.all(logs), given.all(held_out), added, tell, workers)
+    learn, held = given.all(logs), given.all(held_out)
+    document, page, space, fitted = _btr.fit(model._model, learn, held, added, frozen, strict, tell, workers)
     return FitResult(_warned(json.loads(document)), page, json.loads(space), model._with_text(fitted))

@@ -3,7 +3,7 @@
 use super::joints::{ComparedLogs, LOGS_SHOWN, joints};
 use super::page::{Block, Report, Section};
 use crate::plot::heat::{Heat, heat};
-use crate::text::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows};
+use crate::text::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows, left_out};
 use btr_identify::compare::{JointTrack, Regime, RegimeCell};
 use btr_lab::verbs::CompareReport;
 
@@ -32,8 +32,10 @@ fn summary(outcome: &CompareReport) -> Section {
         Block::List(LEGEND.map(str::to_owned).into()),
     ];
     blocks.extend(about_the_step(outcome).map(Block::Text));
-    if !outcome.replays.warnings.is_empty() {
-        blocks.push(Block::List(outcome.replays.warnings.clone()));
+    let left_out = outcome.replays.left_out.iter().map(left_out);
+    let noticed: Vec<String> = left_out.chain(outcome.replays.warnings.iter().cloned()).collect();
+    if !noticed.is_empty() {
+        blocks.push(Block::List(noticed));
     }
     Section { title: "Channels".to_owned(), blocks }
 }

@@ -7,7 +7,7 @@ use crate::Subject;
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::table::{maybe, number};
-use crate::text::{line, reserve};
+use crate::text::{given, left_out, line, reserve};
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_lab::verbs::{ErrorUnit, NoiseFloor, VerbInput};
@@ -42,9 +42,12 @@ impl Subject<'_> {
         ))
     }
 
-    /// Reservations about the result.
+    /// Which logs were left out, reservations about the result, and what was known before.
     pub(super) fn reserve(&self) -> impl Iterator<Item = Block> + use<> {
-        reserve(&self.input.doubts, &self.input.not_judged).into_iter().map(Block::Text)
+        let without = self.input.left_out.iter().map(left_out).collect::<Vec<_>>();
+        let sentences = reserve(&self.input.doubts, &self.input.not_judged);
+        let known = given(&self.input.frozen, &self.input.with_prior());
+        without.into_iter().chain(sentences).chain(known).map(Block::Text)
     }
 
     /// The judged channels and the joints, with the original model and at the point `u` of its free parameters, which

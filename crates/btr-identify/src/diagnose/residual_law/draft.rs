@@ -60,7 +60,7 @@ impl<'a> LinearLawModel<'a> {
         let jacobian = base.jacobian.as_ref()?.select_rows(&rows);
         let mut normal = jacobian.tr_mul(&jacobian);
         for (k, &parameter) in base.active.iter().enumerate() {
-            normal[(k, k)] += objective.parameters()[parameter].spread.powi(-2);
+            normal[(k, k)] += objective.parameters()[parameter].prior_sd().powi(-2);
         }
         Some(LinearLawModel { objective, base, logs, residual, jacobian, factors: normal.cholesky()? })
     }

@@ -73,7 +73,7 @@ impl<'a> BasePoint<'a> {
         let mut held = Vec::new();
         for (k, &index) in fit.active.iter().enumerate() {
             let parameter = &objective.parameters()[index];
-            let (u, weight) = (fit.u[index], parameter.spread.powi(-2));
+            let (u, weight) = (fit.u[index], parameter.prior_sd().powi(-2));
             normal[(k, k)] += weight;
             gradient[k] += weight * u;
             if (u <= parameter.bounds.0 && gradient[k] > 0.0) || (u >= parameter.bounds.1 && gradient[k] < 0.0) {

@@ -52,6 +52,7 @@ impl Builder<'_> {
             setup,
             targets,
             simulations,
+            prior_sds: self.file.parameters.values().map(|section| section.sd).collect(),
             drive,
             scenarios: situations.scenarios,
             learn: situations.learn,

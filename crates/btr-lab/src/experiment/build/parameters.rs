@@ -25,6 +25,7 @@ impl Builder<'_> {
             target.check_formula(effects).map_err(|e| self.error(&keys, e, None))?;
             let model_value = target.nominal(robot, effects, setup);
             let dim = dim(section, &target, model_value).map_err(|message| self.error(&keys, message, None))?;
+            check_sd(section).map_err(|message| self.error(&["parameters", name, "sd"], message, None))?;
             Space::new(vec![dim.clone()]).map_err(|e| self.error(&keys, &e, bounds_help(&e)))?;
             dims.push(dim);
             targets.push(target);
@@ -61,6 +62,15 @@ fn bounds_help(error: &SpaceError) -> Option<Text> {
         SpaceError::Outside { .. } => Some("widen the bounds, or give value = a number between them".into()),
         SpaceError::LogBounds { .. } => Some("start above zero, or leave out scale = \"log\"".into()),
         _ => None,
+    }
+}
+
+/// Rejects a standard deviation that is none, or that belongs to no value.
+fn check_sd(section: &ParameterSection) -> Result<(), String> {
+    match section.sd {
+        Some(sd) if !(sd > 0.0 && sd.is_finite()) => Err(format!("sd = {sd} must be a positive number")),
+        Some(_) if section.value.is_none() => Err("sd belongs to a value: give value = ... beside it".to_owned()),
+        _ => Ok(()),
     }
 }
 

@@ -84,6 +84,13 @@ fn changes_with_every_sample(log: &Log) -> bool {
     2 * changes > samples
 }
 
+impl Builder<'_> {
+    /// The noise of the sensors that the file states.
+    pub(crate) fn noise(&self) -> SensorNoise {
+        noise(&self.file.noise)
+    }
+}
+
 pub(super) fn noise(section: &NoiseSection) -> SensorNoise {
     SensorNoise {
         position: section.position_rad,

@@ -19,6 +19,11 @@ pub struct ParameterSection {
     pub scale: ScaleName,
     /// Current value; default: the model's value. A fitted model has its estimate here.
     pub value: Option<f64>,
+    /// Standard deviation of `value` that earlier logs leave, in the parameter's unit: the prior of `fit` and
+    /// `diagnose` on further logs. A fitted model has it where it has an interval, wider where estimates are
+    /// correlated, as a file does not hold correlations. Remove it to fit the same logs again.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sd: Option<f64>,
 }
 
 /// Linear or logarithmic.

@@ -40,7 +40,6 @@ pub(crate) fn from_logs(
     let mut all = ScenarioSet::none();
     for one in &requests {
         let log = read(&LogSource::File(one.path.clone()), file, robot)?;
-        all.notice(&one.path, log.warnings.iter().cloned());
         let settings = settings("reality", &section.columns, &one.row, source, robot)?;
         let purpose = if one.held_out { LogPurpose::HeldOut } else { LogPurpose::Training };
         all.add(&log, purpose, &settings, &ScenarioReader { file, source, robot })?;

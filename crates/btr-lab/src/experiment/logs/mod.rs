@@ -1,5 +1,6 @@
 //! The logs that an experiment names: found, read, cut at their gaps, and turned into scenarios.
 
+pub(crate) mod batch;
 pub(crate) mod index;
 pub(crate) mod listed;
 pub(crate) mod pieces;

@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// Reads a log of a robot, leaves out its glitches, and rejects one that cannot be used. Robots that walk have impacts,
 /// which look like glitches on a slow clock: their readings are all kept.
-pub(crate) fn read(source: &LogSource, file: &File, robot: &Robot) -> Result<ReadLog, FileError> {
+pub(crate) fn read(source: &LogSource, file: &File, robot: &Robot) -> Result<ReadLog, RefusedLog> {
     let (mut log, warnings) = match source {
         LogSource::Read(known) => return Ok(known.clone()),
         LogSource::File(path) => btr_io::read_recorded(path, &file.channels).map_err(|e| unreadable(&e))?,
@@ -20,7 +20,8 @@ pub(crate) fn read(source: &LogSource, file: &File, robot: &Robot) -> Result<Rea
             (renamed.0.from_zero(), renamed.1)
         }
     };
-    usable::check_clock(&log).map_err(|e| about(source.path(), &e.message, e.help.map(Text::from)))?;
+    let unusable = |e: usable::UnusableLog| about(source.path(), &e.message, e.help.map(Text::from));
+    usable::check_clock(&log).map_err(|e| RefusedLog::by_content(unusable(e)))?;
     let warnings = warnings.iter().map(ToString::to_string).collect();
     let glitches = match (robot.base, file.channels.keep_glitches) {
         (Base::Floating, _) => Vec::new(),
@@ -35,7 +36,31 @@ pub(super) fn about(path: &Path, message: &str, help: Option<Text>) -> FileError
     FileError { path: path.to_owned(), line: 0, column: 0, message: message.into(), help }
 }
 
+/// A log that cannot be used.
+pub(crate) struct RefusedLog {
+    pub error: FileError,
+    /// Whether its content is at fault; otherwise what was asked for, such as a path that does not exist.
+    pub by_content: bool,
+}
+
+impl RefusedLog {
+    pub(super) fn by_content(error: FileError) -> Self {
+        RefusedLog { error, by_content: true }
+    }
+
+    pub(super) fn by_request(error: FileError) -> Self {
+        RefusedLog { error, by_content: false }
+    }
+}
+
+impl From<RefusedLog> for FileError {
+    fn from(log: RefusedLog) -> Self {
+        log.error
+    }
+}
+
 /// An error of the reader, whose message names the log.
-fn unreadable(error: &btr_io::IoError) -> FileError {
-    about(Path::new(""), &error.to_string(), Some(error.help()))
+fn unreadable(error: &btr_io::IoError) -> RefusedLog {
+    let by_content = error.is_about_content();
+    RefusedLog { error: about(Path::new(""), &error.to_string(), Some(error.help())), by_content }
 }

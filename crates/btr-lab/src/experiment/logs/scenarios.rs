@@ -68,14 +68,18 @@ impl ScenarioSet {
         reader: &ScenarioReader,
     ) -> Result<(), FileError> {
         let path = &log.path;
+        let (pieces, noticed) = pieces::pieces(path, &log.log)?;
+        let scenario = |piece| Ok(Scenario { settings: settings.to_vec(), ..reader.compared(piece)? });
+        // All or nothing: a log that is refused leaves no trace.
+        let scenarios = pieces.iter().map(scenario).collect::<Result<Vec<_>, FileError>>()?;
+        self.notice(path, log.warnings.iter().cloned());
         let simulation = &reader.file.simulation;
         let dt_s =
             simulation.control_s.map(|control_s| control_s / f64::from(simulation.steps(control_s, reader.robot)));
         self.notice(path, usable::warnings(&log.log, dt_s));
-        let (pieces, noticed) = pieces::pieces(path, &log.log)?;
         self.notice(path, noticed);
+        self.scenarios.extend(scenarios);
         for mut piece in pieces {
-            self.scenarios.push(Scenario { settings: settings.to_vec(), ..reader.compared(&piece)? });
             smooth_needed(&mut piece.log, reader.robot);
             self.logs.push(piece.log);
         }
@@ -107,9 +111,14 @@ impl ScenarioReader<'_> {
     /// The scenario of a log for a comparison with simulations, without the settings from the index.
     fn compared(&self, piece: &LogPiece) -> Result<Scenario, FileError> {
         let replaying = self.replaying(piece)?;
-        let checked = usable::check_positions(&piece.log, self.robot, &self.file.channels);
-        checked.map_err(|e| self.lacking(&piece.path, &e))?;
+        self.check_positions(&piece.path, &piece.log)?;
         Ok(replaying)
+    }
+
+    /// Rejects a log without the positions that a comparison needs.
+    pub(crate) fn check_positions(&self, path: &Path, log: &Log) -> Result<(), FileError> {
+        let checked = usable::check_positions(log, self.robot, &self.file.channels);
+        checked.map_err(|e| self.lacking(path, &e))
     }
 
     /// The scenario of a log: its commands, its duration, its initial state.

@@ -106,6 +106,7 @@ impl TermDefinition {
             law: Parametrisation::Linear,
             bounds,
             spread,
+            known: None,
             reach: REACH,
             amplitude: name != "s",
         };

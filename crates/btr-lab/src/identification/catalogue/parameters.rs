@@ -13,8 +13,9 @@ const SHAPE: f64 = 3.0;
 /// Step of finite differences: in standard deviations for free parameters, in typical sizes for amplitudes.
 const REACH: (f64, f64) = (0.05, 0.1);
 
-/// A free parameter: its bounds are two standard deviations away, unless it belongs to an effect.
-pub(in crate::identification) fn free_parameter(dim: &Dim, scales: &RobotScales) -> FitParameter {
+/// A free parameter: its bounds are two standard deviations away, unless it belongs to an effect. `sd` is the standard
+/// deviation that earlier logs leave, in its unit.
+pub(in crate::identification) fn free_parameter(dim: &Dim, sd: Option<f64>, scales: &RobotScales) -> FitParameter {
     let nominal = dim.nominal.unwrap_or_else(|| dim.from_unit(0.5));
     let effect = dim.name.split_once('.').and_then(|(effect, rest)| {
         let (param, site) = rest.split_once('@').unwrap_or((rest, "*"));
@@ -40,10 +41,12 @@ pub(in crate::identification) fn free_parameter(dim: &Dim, scales: &RobotScales)
         law,
         bounds: (0.0, 0.0),
         spread,
+        known: None,
         reach: if effect.is_some() { REACH.1 } else { REACH.0 },
         amplitude: law == Parametrisation::Linear && effect.is_some_and(|(param, _)| same(param.off, nominal)),
     };
     parameter.bounds = (parameter.coordinate(dim.min), parameter.coordinate(dim.max));
+    parameter.known = sd.map(|sd| sd / parameter.slope(0.0).abs());
     parameter
 }
 
@@ -92,7 +95,8 @@ pub(in crate::identification) fn parameter(
         p => (Parametrisation::Linear, p.off, size, (least.min(0.0) / size, most / size), WEAK),
     };
     let unit = param.unit.to_owned();
-    FitParameter { name, unit, origin, size, law, bounds, spread, reach: REACH.1, amplitude: !param.shape }
+    let (known, reach, amplitude) = (None, REACH.1, !param.shape);
+    FitParameter { name, unit, origin, size, law, bounds, spread, known, reach, amplitude }
 }
 
 fn same(a: f64, b: f64) -> bool {

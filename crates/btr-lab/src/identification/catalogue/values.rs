@@ -241,6 +241,7 @@ fn parameter(target: &Target, value: f64, law: Parametrisation, size: f64, bound
         law,
         bounds: (0.0, 0.0),
         spread: WEAK,
+        known: None,
         reach: REACH,
         amplitude: true,
     };

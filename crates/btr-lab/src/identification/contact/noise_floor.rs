@@ -77,11 +77,11 @@ fn noise_of(problem: &IdentificationProblem, scenario: usize, name: &str) -> f64
     problem.model().setup.noise.floor(name, values).unwrap_or(1.0)
 }
 
-/// The point with other, equally plausible free parameters.
+/// The point with other, equally plausible parameters of the model.
 fn plausible(problem: &IdentificationProblem, u: &[f64], draw: u64) -> Vec<f64> {
     let mut truth = u.to_vec();
     let mut rng = stream(SEED, &[draw]);
-    for &k in problem.free() {
+    for k in problem.own() {
         let sign = if rng.random::<bool>() { 1.0 } else { -1.0 };
         truth[k] = problem.parameters()[k].clamp(u[k] + sign * OFF * problem.parameters()[k].spread.min(1.0));
     }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// finite difference.
 const UNIT: f64 = 3.0;
 const REACH: f64 = 0.3;
-/// Largest factor for a unit, and largest step of a free parameter in standard deviations.
+/// Largest factor for a unit, and largest step of a parameter of the model in standard deviations.
 const LARGEST: f64 = 30.0;
 const WIDEST: f64 = 0.5;
 
@@ -23,8 +23,8 @@ struct ParameterTrial {
     by: f64,
 }
 
-/// Enlarges the units of amplitudes and the steps of free parameters until their responses show in the log that the
-/// model explains least at its current values. The units of limits stay unchanged.
+/// Enlarges the units of amplitudes and the steps of the model's own parameters until their responses show in the log
+/// that the model explains least at its current values. The units of limits stay unchanged.
 pub(in crate::identification) fn enlarge(problem: &mut IdentificationProblem) -> Result<(), WorldError> {
     let origin = vec![0.0; problem.parameters.len()];
     let Some((log, baseline)) = worst(problem, &origin)? else { return Ok(()) };
@@ -72,9 +72,9 @@ fn worst(problem: &IdentificationProblem, origin: &[f64]) -> Result<Option<(usiz
     Ok(worst.map(|(_, log, residual)| (log, residual)))
 }
 
-/// Changes of the free parameters by their steps, and of the amplitudes of effects by a unit.
+/// Changes of the model's own parameters by their steps, and of the amplitudes of effects by a unit.
 fn trials(problem: &IdentificationProblem) -> Vec<ParameterTrial> {
-    let free = problem.free.iter().map(|&parameter| {
+    let own = problem.own().map(|parameter| {
         let by = problem.parameters[parameter].reach;
         ParameterTrial { parameter, near: Vec::new(), shapes: Vec::new(), by }
     });
@@ -90,7 +90,7 @@ fn trials(problem: &IdentificationProblem) -> Vec<ParameterTrial> {
             ParameterTrial { parameter, near: near.clone(), shapes: shapes.clone(), by }
         })
     });
-    free.chain(of_candidates).collect()
+    own.chain(of_candidates).collect()
 }
 
 /// Response of a log to a change, in noise floors: the root mean square in the most sensitive channel.
@@ -112,6 +112,7 @@ fn grow(parameter: &mut FitParameter, factor: f64) {
     let factor = factor.min(LARGEST).min(widest).max(1.0);
     parameter.size *= factor;
     parameter.bounds = (parameter.bounds.0 / factor, parameter.bounds.1 / factor);
+    parameter.known = parameter.known.map(|sd| sd / factor);
 }
 
 #[cfg(test)]
@@ -128,12 +129,14 @@ mod tests {
             law: Parametrisation::Linear,
             bounds: (0.0, 50.0),
             spread: 33.0,
+            known: Some(4.0),
             reach: 0.1,
             amplitude: true,
         };
         grow(&mut parameter, 8.0);
         assert!((parameter.size - 0.08).abs() < 1e-12);
         assert!((parameter.value(parameter.bounds.1) - 0.5).abs() < 1e-12);
+        assert!((parameter.prior_sd() * parameter.size - 0.04).abs() < 1e-12);
         // A unit never shrinks, and its bounds always leave room for two units.
         grow(&mut parameter, 0.1);
         assert!((parameter.size - 0.08).abs() < 1e-12);

@@ -169,7 +169,15 @@ impl<'a> CauseSearch<'a> {
             let at_bound = !(1e-3..=1.0 - 1e-3).contains(&u) && dim.nominal.is_none();
             let ci95 = (trusted && !at_bound).then(|| [dim.from_unit(u - half), dim.from_unit(u + half)]);
             let value = dim.from_unit(u);
-            Estimate { name: dim.name.clone(), unit: dim.unit.clone(), value, ci95, at_bound, by_bounds: false }
+            Estimate {
+                name: dim.name.clone(),
+                unit: dim.unit.clone(),
+                value,
+                ci95,
+                at_bound,
+                by_bounds: false,
+                prior_sd: None,
+            }
         };
         places.zip(known).map(number).collect()
     }

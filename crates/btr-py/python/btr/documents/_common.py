@@ -57,9 +57,18 @@ class Doubt(Finding):
     """Path of the log."""
 
 
+class LeftOutLog(Record):
+    """A log that was left out because its content cannot be used."""
+
+    log: str
+    """Path of the log."""
+    reason: str
+    """Why, with the place in the file."""
+
+
 class LadderStep(Record):
-    """A step of the error ladder. Errors are root mean squares in multiples of the noise floor, or of what runs of the same
-    command differ by where that is known and more."""
+    """A step of the error ladder. Errors are root mean squares in multiples of the noise floor, or of what runs of the
+    same command differ by where that is known and more."""
 
     step: str
     """What was done."""

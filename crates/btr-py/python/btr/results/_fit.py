@@ -51,6 +51,12 @@ class FitResult(Reported):
     """Findings about the logs that make the result doubtful, as `check` reports them."""
     not_judged: list[str]
     """Joints without any measurement: the result does not cover them."""
+    left_out: list[doc.LeftOutLog]
+    """Logs that could not be used."""
+    frozen: list[str]
+    """Parameters that kept the model's values (`freeze`), by name."""
+    with_prior: list[str]
+    """Free parameters whose prior is what earlier logs left (`sd` in the model), by name."""
     integrator_error: float
     """Error of the time integration, in multiples of the noise floor."""
     time_step_s: float

@@ -22,6 +22,8 @@ class CheckResult(Result):
     """Oddities of logs that can be used all the same."""
     repeatability: doc.Repeatability
     """How far runs of the same command differ."""
+    left_out: list[doc.LeftOutLog]
+    """Logs that could not be used."""
     parameters: list[doc.Sensitivity]
     """What all logs together determine of each free parameter."""
     rank: int
@@ -39,7 +41,8 @@ class CheckResult(Result):
     """Number of simulated logs."""
 
     def _headline(self) -> str:
-        return "\n".join(f"{log.log}: {log.verdict}" for log in self.logs)
+        left_out = [f"left out: {log.reason}" for log in self.left_out]
+        return "\n".join([f"{log.log}: {log.verdict}" for log in self.logs] + left_out)
 
     def _table(self) -> Rows:
         return [
@@ -65,6 +68,8 @@ class CompareResult(Reported):
     """Joints without any measurement: the result does not cover them."""
     warnings: list[str]
     """Oddities of logs that can be used all the same."""
+    left_out: list[doc.LeftOutLog]
+    """Logs that could not be used."""
 
     def _headline(self) -> str:
         if not self.failures:

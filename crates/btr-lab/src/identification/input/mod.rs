@@ -1,12 +1,18 @@
 //! A model with the logs of a command.
 
+mod floors;
+mod freeze;
+
+pub use floors::{ErrorUnit, NoiseFloor};
+
 use super::problem::IdentificationProblem;
 use super::problem_error::ProblemError;
-use crate::experiment::{CheckedLog, LogSource, Recordings, Replays, Source, replays};
+use crate::experiment::{CheckedLog, LeftOutLog, LogSource, Recordings, Replays, Source, replays};
 use crate::model_text::{Addition, add_scaled};
 use btr_core::log::Log;
 use btr_identify::quality::{FEWEST_SAMPLES, Finding};
 use serde::Serialize;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// The input of a verb: a model and its logs.
@@ -19,6 +25,10 @@ pub struct VerbInput {
     pub doubts: Vec<Doubt>,
     /// Joints without measurements: results do not cover them.
     pub not_judged: Vec<String>,
+    /// Parameters that keep the model's values, by name.
+    pub frozen: Vec<String>,
+    /// Logs that could not be used.
+    pub left_out: Vec<LeftOutLog>,
     /// The logs as they were read.
     pub recordings: Recordings,
 }
@@ -69,7 +79,8 @@ impl VerbInput {
             return Err(ProblemError::Short(longest));
         }
         let problem = IdentificationProblem::new(Arc::new(replays.model), replays.logs, &[])?;
-        Ok(VerbInput { source, problem, doubts, not_judged, recordings: replays.recordings })
+        let (frozen, left_out) = (Vec::new(), replays.left_out);
+        Ok(VerbInput { source, problem, doubts, not_judged, frozen, left_out, recordings: replays.recordings })
     }
 
     /// The same with effects added to the model, their bounds scaled to the robot's motion in the logs; `replays` is
@@ -87,6 +98,13 @@ impl VerbInput {
             additions.iter().map(|text| Addition::parse(text, robot)).collect::<Result<_, _>>()?;
         let text = add_scaled(&bare.source, bare.problem.scales(), &additions)?;
         let Recordings { learn, held_out } = bare.recordings;
-        VerbInput::new(Source { text, ..bare.source }, &learn, &held_out)
+        let input = VerbInput::new(Source { text, ..bare.source }, &learn, &held_out)?;
+        Ok(VerbInput { left_out: bare.left_out, ..input })
+    }
+
+    /// The training logs and the held-out logs that are used: files, or names.
+    pub fn logs_used(&self) -> [Vec<PathBuf>; 2] {
+        let Recordings { learn, held_out } = &self.recordings;
+        [learn, held_out].map(|logs| logs.iter().map(|log| log.path.clone()).collect())
     }
 }

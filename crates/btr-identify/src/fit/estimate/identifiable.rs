@@ -1,9 +1,10 @@
 //! Identifiability: what logs can determine about the free parameters before anything is fitted. G. H. Golub and C. F.
 //! Van Loan's singular values of the scaled Jacobian ("Matrix Computations", 1983), at the model's current values.
 
-use super::estimate::{NullDirection, information, is_dead, null_directions};
-use super::objective::{LogSet, Objective};
-use super::solve::FitPoint;
+use super::null_directions::{NullDirection, is_dead, null_directions};
+use super::precision::{information, information_of_all};
+use crate::fit::objective::{LogSet, Objective};
+use crate::fit::solve::FitPoint;
 use btr_core::world::WorldError;
 use nalgebra::DMatrix;
 use serde::Serialize;
@@ -23,7 +24,7 @@ pub struct Sensitivity {
     /// Posterior over prior standard deviation, with all other parameters free as well: 1 means that the logs contain
     /// no information. Holds for white noise and a complete model.
     pub uncertainty_left: f64,
-    /// Whether its effect on the measured channels is below the noise.
+    /// Whether its effect on the measured channels is below the noise, here and in earlier logs.
     pub dead: bool,
 }
 
@@ -54,6 +55,7 @@ pub fn identifiable(objective: &Objective) -> Result<Option<Identifiable>, World
     let mut fit = FitPoint::at(objective, free.clone(), vec![0.0; parameters.len()], &[])?;
     fit.differentiate_widely(objective);
     let Some(information) = information(parameters, &fit) else { return Ok(None) };
+    let Some(of_all) = information_of_all(parameters, &fit) else { return Ok(None) };
     let posterior = DMatrix::identity(information.nrows(), information.nrows()) + &information;
     let Some(left) = posterior.cholesky().map(|factors| factors.inverse()) else { return Ok(None) };
     let samples = objective.samples(LogSet::Learn).max(1) as f64;
@@ -63,7 +65,7 @@ pub fn identifiable(objective: &Objective) -> Result<Option<Identifiable>, World
         value: parameters[index].origin,
         sensitivity: (information[(k, k)] / samples).sqrt(),
         uncertainty_left: left[(k, k)].max(0.0).sqrt(),
-        dead: is_dead(information[(k, k)]),
+        dead: is_dead(of_all[(k, k)]),
     };
     let null_directions = null_directions(parameters, &fit);
     let parameters = fit.active.iter().enumerate().map(sensitivity).collect();

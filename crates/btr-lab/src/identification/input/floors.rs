@@ -1,6 +1,6 @@
 //! What errors are measured in: the noise floor of each channel, or how far runs of the same command differ.
 
-use super::input::VerbInput;
+use super::VerbInput;
 use serde::Serialize;
 
 /// The noise floor of each measured channel.
