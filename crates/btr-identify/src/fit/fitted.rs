@@ -203,6 +203,7 @@ fn conclude(
             if objective.description.has_runs { "what runs of the same command differ by" } else { "the noise floor" }
         )
     });
+    let integrator_error = integrator_error.max(fit.held_out_step_error(objective));
     let rollouts = objective.rollouts();
     let left = remaining(objective, &fit.u);
     let degree = if withheld.is_none() { Degree::of_noise(&left) } else { Degree::Unexplained };
@@ -212,7 +213,7 @@ fn conclude(
     FitResult {
         parameters: estimates(objective, &fit, inflation, intervals).into_iter().map(|(_, e)| e).collect(),
         null_directions: null_directions(objective.parameters(), &fit),
-        integrator_error: integrator_error.max(fit.held_out_step_error(objective)),
+        integrator_error,
         fit,
         train,
         held_out,
