@@ -153,9 +153,12 @@ const LOST: f64 = 1.0;
 
 /// What speaks for a finding besides its fit.
 pub fn evidence(support: &Support) -> String {
-    let Support { share, logs_better: [better, of], leave_one_out_change, established, .. } = support;
-    let mut by =
-        format!("it explains {:.0} % of the squared error above the noise, in {better} of {of} logs", 100.0 * share);
+    let Support { share, logs_better: [better, of], leave_one_out_change, established, in_own_channel, .. } = support;
+    let in_channel = if *in_own_channel { " of its joint's torque" } else { "" };
+    let mut by = format!(
+        "it explains {:.0} % of the squared error{in_channel} above the noise, in {better} of {of} logs",
+        100.0 * share
+    );
     if let Some(change) = leave_one_out_change {
         by += &match change {
             change if *change < LOST => {

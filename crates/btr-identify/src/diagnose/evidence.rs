@@ -1,5 +1,6 @@
 //! What speaks for the findings, and the verdict.
 
+use super::own;
 use super::report::{Evidence, MissingEffect, Verdict};
 use super::thresholds::{AT_MOST, CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY, STABLE};
 use crate::LadderStep;
@@ -18,11 +19,14 @@ pub(super) struct LogErrors {
 }
 
 impl LogErrors {
-    /// The errors of a fit with these squares on the held-out logs. If one of these cannot be simulated, the errors of
-    /// all of them are infinite.
-    pub(super) fn of(objective: &Objective, fit: &FitPoint, held_out: Option<f64>) -> Self {
-        let mut each = by_log(objective, LogSet::Learn, Some(&fit.residual));
+    /// The errors of a fit with these squares on the held-out logs, in the channels where a candidate shows. If a
+    /// held-out log cannot be simulated, the errors of all of them are infinite.
+    pub(super) fn of(objective: &Objective, candidate: usize, fit: &FitPoint, held_out: Option<f64>) -> Self {
         let residual = objective.residual(&fit.u, LogSet::HeldOut).ok();
+        if own::is_apart(objective, candidate) {
+            return LogErrors::own(objective, candidate, fit, residual.as_ref());
+        }
+        let mut each = by_log(objective, LogSet::Learn, Some(&fit.residual));
         each.extend(by_log(objective, LogSet::HeldOut, residual.as_ref()));
         let judged = match (objective.logs(LogSet::HeldOut), held_out) {
             ([], _) => chi(fit.squares(), objective.samples(LogSet::Learn)),
@@ -30,6 +34,23 @@ impl LogErrors {
             (_, None) => f64::INFINITY,
         };
         LogErrors { each, judged: judged.powi(2) }
+    }
+}
+
+impl LogErrors {
+    /// The same in the channels of a candidate that does not show in all.
+    fn own(objective: &Objective, candidate: usize, fit: &FitPoint, held_out: Option<&ResidualVector>) -> Self {
+        let errors = |logs: LogSet, residual: Option<&ResidualVector>| -> Vec<(f64, usize)> {
+            let rows = own::rows(objective, candidate, logs);
+            rows.into_iter()
+                .map(|rows| (residual.map_or(f64::INFINITY, |r| squares(&r[rows.clone()])), rows.len()))
+                .collect()
+        };
+        let (learnt, judged) = (errors(LogSet::Learn, Some(&fit.residual)), errors(LogSet::HeldOut, held_out));
+        let judging = if judged.is_empty() { &learnt } else { &judged };
+        let (sum, samples) = judging.iter().fold((0.0, 0), |(sum, n), (squares, samples)| (sum + squares, n + samples));
+        let judged_error = sum / samples.max(1) as f64;
+        LogErrors { each: learnt.iter().chain(&judged).map(|(squares, _)| *squares).collect(), judged: judged_error }
     }
 }
 
@@ -93,6 +114,7 @@ impl Evidence {
             logs: after.each.len(),
             leave_one_out_change: None,
             established: false,
+            in_own_channel: false,
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Acceptance of one of the fitted candidates.
 
+use super::own;
 use super::refit::Rival;
 use super::report::{MissingEffect, RankedCandidate, RivalPoint};
 use super::state::{DiagnosisState, earns_its_parameters};
@@ -75,7 +76,8 @@ pub(super) fn judge_rivals(
     let best = passing.first().map_or(f64::INFINITY, |r| measure.criterion(&r.fit));
     let leader = passing.first()?;
     let inside = &candidates[leader.candidate].nested;
-    let will_do = |r: &Rival| inside.contains(&r.candidate) && !earns_its_parameters(objective, &leader.fit, &r.fit);
+    let will_do =
+        |r: &Rival| inside.contains(&r.candidate) && !earns_its_parameters(objective, r.candidate, &leader.fit, &r.fit);
     let tied = |r: &&Rival| measure.criterion(&r.fit) - best <= TIE || will_do(r);
     let winner = passing.iter().copied().filter(tied).min_by_key(|r| (r.fit.active.len(), r.candidate))?.clone();
     // A law that the leader contains and that will do stands for the leader as well.
@@ -156,8 +158,10 @@ fn named(
 ) -> MissingEffect {
     let candidates = objective.candidates();
     let before = measure.criterion(&state.fit);
+    let left = |r: &Rival| own::learnt(objective, winner.candidate, &r.fit);
     let as_good = |r: &Rival| {
-        r.fit.active.len() <= winner.fit.active.len() && r.fit.squares() <= (1.0 + INDISTINCT) * winner.fit.squares()
+        let together = own::are_together(objective, r.candidate, winner.candidate);
+        together && r.fit.active.len() <= winner.fit.active.len() && left(r) <= (1.0 + INDISTINCT) * left(winner)
     };
     let belief = |b: f64| (-(b - best) / 2.0).exp();
     let of_rival = |r: &Rival| {

@@ -8,6 +8,7 @@
 mod companion;
 mod evidence;
 mod judge;
+mod own;
 mod refit;
 mod replacement;
 mod report;
@@ -204,6 +205,7 @@ fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<Dia
         rivals: Vec::new(),
         rounds: Vec::new(),
         unconfirmed: None,
+        contradicted: Vec::new(),
         left_over: None,
         integrator: fit.renew_step_error(objective),
         unexplained_at_first: 0.0,

@@ -1,5 +1,6 @@
 //! How findings are replaced: by a simpler effect that will do, or by one that could not be told from them before.
 
+use super::own;
 use super::refit::{CLOSE, Rival, race};
 use super::report::RankedCandidate;
 use super::screen::{StartPoint, screen, with};
@@ -124,7 +125,7 @@ impl DiagnosisState {
                     && self.chosen.iter().all(|found| found.candidate != *similar)
             };
             let similar: Vec<usize> = effect.similar.iter().copied().filter(simpler).collect();
-            if similar.is_empty() {
+            if similar.is_empty() || !self.may_depend_on_latest(objective, index) {
                 continue;
             }
             let starts = self.carried_over(objective, index, &similar);
@@ -160,7 +161,8 @@ impl DiagnosisState {
             held_out_squares(objective, &rival.fit.u).is_some_and(|squares| squares <= (1.0 + HELD_OUT_FALL) * now)
         };
         let inside = objective.candidates()[self.chosen[index].candidate].nested.contains(&rival.candidate);
-        let will_do = costs <= TIE || inside && !earns_its_parameters(objective, &self.fit, &rival.fit);
+        let will_do =
+            costs <= TIE || inside && !earns_its_parameters(objective, rival.candidate, &self.fit, &rival.fit);
         if will_do && self.held_out.is_none_or(confirms) {
             self.rename(objective, index, rival, costs);
         }
@@ -173,6 +175,9 @@ impl DiagnosisState {
         for index in 0..self.chosen.len().saturating_sub(1) {
             if !self.leaves_something(objective, &self.fit) {
                 return;
+            }
+            if !self.may_depend_on_latest(objective, index) {
+                continue;
             }
             let was_alike = |candidate: &usize| self.chosen[index].alike.contains(&candidates[*candidate].name());
             let alike: Vec<usize> = (0..candidates.len()).filter(|c| was_alike(c) && !self.is_chosen(*c)).collect();
@@ -211,9 +216,12 @@ impl DiagnosisState {
         let Some(rival) = rival else { return false };
         let measure = ComparisonMeasure::of(objective, &rival.fit);
         let gains = measure.criterion(&self.fit) - measure.criterion(&rival.fit);
-        let then = self.held_out.and_then(|_| held_out_squares(objective, &rival.fit.u));
-        let agreed = self.held_out.is_none_or(|now| then.is_some_and(|then| agree(now, then)));
-        let better = gains > DECISIVE && rival.fit.squares() < (1.0 - LEARNT_FALL) * self.fit.squares() && agreed;
+        let held_out = |fit: &FitPoint| own::held_out(objective, rival.candidate, &fit.u);
+        let now = self.own_held_out(objective, rival.candidate);
+        let then = self.held_out.and_then(|_| held_out(&rival.fit));
+        let agreed = now.is_none_or(|now| then.is_some_and(|then| agree(now, then)));
+        let learnt = |fit: &FitPoint| own::learnt(objective, rival.candidate, fit);
+        let better = gains > DECISIVE && learnt(&rival.fit) < (1.0 - LEARNT_FALL) * learnt(&self.fit) && agreed;
         if better {
             self.rename(objective, index, rival, -gains);
             self.chosen[index].alike.clear();

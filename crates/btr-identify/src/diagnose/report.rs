@@ -51,6 +51,8 @@ pub enum Verdict {
 pub struct Evidence {
     /// The share of the squared error above the noise that it explains, on held-out logs if there are any.
     pub share: f64,
+    /// Whether the share is of the error in the channel of its joint alone, as where the motion is prescribed.
+    pub in_own_channel: bool,
     /// In how many logs, held-out ones included, the error is smaller with it...
     pub logs_better: usize,
     /// ... and of how many.

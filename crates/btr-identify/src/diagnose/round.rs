@@ -57,13 +57,15 @@ impl SecondLooks {
 }
 
 /// Screens, races and judges; the winner if it is accepted. Where what acts in a joint shows in its own channel alone,
-/// held-out logs that contradict the leader at one joint say nothing about the others, which are then tried without it.
+/// held-out logs that contradict the leader at one joint say nothing about the others, which are then tried without it;
+/// and what is found at others changes nothing at that joint, which is not tried again.
 pub(super) fn round(
     objective: &mut Objective,
     state: &mut DiagnosisState,
     second_looks: &mut SecondLooks,
 ) -> Option<(Rival, MissingEffect)> {
     let mut offered = state.offered(objective);
+    offered.retain(|&candidate| !state.contradicted.contains(&objective.candidates()[candidate].site));
     let found = attempt(objective, state, second_looks, &offered);
     if found.is_some() || !objective.description.is_decoupled {
         return found;
@@ -72,6 +74,7 @@ pub(super) fn round(
     while let Some(site) = site_of_the_leader(objective, state).filter(|_| !objective.is_stopped()) {
         let before = offered.len();
         offered.retain(|&candidate| objective.candidates()[candidate].site != site);
+        state.contradicted.push(site);
         if offered.len() == before || offered.is_empty() {
             break;
         }
@@ -115,7 +118,9 @@ fn attempt(
         return judge_rivals(objective, state, rivals);
     }
     let judged = judge_rivals(objective, state, rivals.clone());
-    if judged.is_some() || !leaves_much(objective, &rivals) || !second_looks.allow(objective) {
+    // Of a prescribed motion no probe predicts too little.
+    let looks_again = leaves_much(objective, &rivals) && !objective.description.is_decoupled;
+    if judged.is_some() || !looks_again || !second_looks.allow(objective) {
         return judged;
     }
     let others = not_fitted(&rivals, offered);

@@ -1,6 +1,7 @@
 //! The state of a diagnosis: the effects found so far, and how an effect is added or dropped.
 
 use super::evidence::LogErrors;
+use super::own;
 use super::refit::{FOLLOWER, RESHAPED, Rival};
 use super::report::{Evidence, MissingEffect, RankedCandidate, RivalPoint};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL};
@@ -33,6 +34,8 @@ pub(super) struct DiagnosisState {
     pub(super) rounds: Vec<Vec<RankedCandidate>>,
     /// What the training logs show best in the last round, if the held-out logs did not confirm it.
     pub(super) unconfirmed: Option<(Rival, MissingEffect)>,
+    /// Where each channel is a question of its own: sites at which held-out logs contradict what training logs show.
+    pub(super) contradicted: Vec<String>,
     /// What the last round ranked first, if it accepted nothing.
     pub(super) left_over: Option<RankedCandidate>,
     /// The integrator's error, in multiples of the noise floor.
@@ -74,7 +77,8 @@ impl DiagnosisState {
         found: MissingEffect,
         on_step: &dyn Fn(&LadderStep),
     ) {
-        let before = LogErrors::of(objective, &self.fit, self.held_out);
+        let before = LogErrors::of(objective, found.candidate, &self.fit, self.held_out);
+        let own_at_first = self.own_at_first(objective, found.candidate);
         self.fit = rival.fit;
         self.integrator = self.fit.renew_step_error(objective);
         self.fit.jacobian = None;
@@ -87,11 +91,30 @@ impl DiagnosisState {
         self.chosen.push(found);
         self.record(objective, step, on_step);
         self.unexplained_at_first = self.unexplained_at_first.max(before.judged);
-        let after = LogErrors::of(objective, &self.fit, self.held_out);
-        let evidence = Evidence::of(&before, &after, self.unexplained_at_first);
+        let Some(found) = self.chosen.last().map(|found| found.candidate) else { return };
+        if !own::is_apart(objective, found) {
+            self.contradicted.clear();
+        }
+        let after = LogErrors::of(objective, found, &self.fit, self.held_out);
+        let at_first = own_at_first.unwrap_or(self.unexplained_at_first);
+        let in_own_channel = own::is_apart(objective, found);
+        let evidence = Evidence { in_own_channel, ..Evidence::of(&before, &after, at_first) };
         if let Some(found) = self.chosen.last_mut() {
             found.evidence = evidence;
         }
+    }
+
+    /// The squares on the held-out logs in the channels where a candidate shows.
+    pub(super) fn own_held_out(&self, objective: &Objective, candidate: usize) -> Option<f64> {
+        let whole = self.held_out?;
+        if own::is_apart(objective, candidate) { own::held_out(objective, candidate, &self.fit.u) } else { Some(whole) }
+    }
+
+    /// The mean square error before the first finding in the channels where a candidate shows; `None` where these are
+    /// all.
+    pub(super) fn own_at_first(&self, objective: &Objective, candidate: usize) -> Option<f64> {
+        own::is_apart(objective, candidate)
+            .then(|| LogErrors::of(objective, candidate, &self.bare, self.held_out).judged)
     }
 
     /// The error jumps where a joint switches between sticking and slipping, and a search stops before a jump: restarts
@@ -129,7 +152,7 @@ impl DiagnosisState {
     pub(super) fn eliminate(&mut self, objective: &Objective) {
         let mut index = 0;
         while self.chosen.len() > 1 && index + 1 < self.chosen.len() {
-            if self.has_further_instances(objective, index) {
+            if self.has_further_instances(objective, index) || !self.may_depend_on_latest(objective, index) {
                 index += 1;
                 continue;
             }
@@ -137,7 +160,8 @@ impl DiagnosisState {
             let measure = ComparisonMeasure::of(objective, &self.fit);
             let needless = without.filter(|fit| {
                 let costs = measure.criterion(fit) - measure.criterion(&self.fit);
-                costs <= DECISIVE || fit.squares() <= (1.0 + LEARNT_FALL) * self.fit.squares()
+                let left = |fit: &FitPoint| own::learnt(objective, self.chosen[index].candidate, fit);
+                costs <= DECISIVE || left(fit) <= (1.0 + LEARNT_FALL) * left(&self.fit)
             });
             match needless {
                 Some(fit) => {
@@ -148,9 +172,20 @@ impl DiagnosisState {
         }
         let latest = self.chosen.len().saturating_sub(1);
         let off = if latest > 0 { self.less(objective, &[latest]) } else { None };
-        if let Some(fit) = off.filter(|off| off.squares() <= (1.0 + IDLE) * self.fit.squares()) {
+        let idle = |off: &FitPoint| {
+            let left = |fit: &FitPoint| own::learnt(objective, self.chosen[latest].candidate, fit);
+            left(off) <= (1.0 + IDLE) * left(&self.fit)
+        };
+        if let Some(fit) = off.filter(idle) {
             self.drop_with(objective, latest, fit);
         }
+    }
+
+    /// Whether the latest finding can make a difference to one: not where they show in different channels.
+    pub(super) fn may_depend_on_latest(&self, objective: &Objective, index: usize) -> bool {
+        let (Some(one), Some(latest)) = (self.chosen.get(index), self.chosen.last()) else { return false };
+        let apart = |found: &MissingEffect| own::is_apart(objective, found.candidate);
+        !apart(one) || !apart(latest) || own::are_together(objective, one.candidate, latest.candidate)
     }
 
     /// Drops a finding; `fit` is the fit without it.
@@ -276,16 +311,23 @@ impl DiagnosisState {
 }
 
 /// Whether the parameters that a law has beyond those of a law nested in it lower the error as much as any effect
-/// must: a certain difference with next to no effect is more likely one between simulators than a law.
-pub(super) fn earns_its_parameters(objective: &Objective, larger: &FitPoint, inside: &FitPoint) -> bool {
-    if chi(inside.squares(), objective.samples(LogSet::Learn)) > objective.noise_bound() {
+/// must: a certain difference with next to no effect is more likely one between simulators than a law. `candidate` is
+/// the nested law.
+pub(super) fn earns_its_parameters(
+    objective: &Objective,
+    candidate: usize,
+    larger: &FitPoint,
+    inside: &FitPoint,
+) -> bool {
+    if own::error(objective, candidate, inside) > objective.noise_bound() {
         return true;
     }
     let falls = |from: f64, to: f64, by: f64| to < (1.0 - by) * from;
-    let on_held_out = || match (held_out_squares(objective, &inside.u), held_out_squares(objective, &larger.u)) {
+    let held_out = |fit: &FitPoint| own::held_out(objective, candidate, &fit.u);
+    let on_held_out = || match (held_out(inside), held_out(larger)) {
         (Some(from), Some(to)) => falls(from, to, HELD_OUT_FALL),
         _ => true,
     };
-    falls(inside.squares(), larger.squares(), LEARNT_FALL)
-        && (objective.logs(LogSet::HeldOut).is_empty() || on_held_out())
+    let learnt = |fit: &FitPoint| own::learnt(objective, candidate, fit);
+    falls(learnt(inside), learnt(larger), LEARNT_FALL) && (objective.logs(LogSet::HeldOut).is_empty() || on_held_out())
 }

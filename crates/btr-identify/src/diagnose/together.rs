@@ -33,8 +33,9 @@ pub(super) fn together(
     };
     let without = both.without(objective, index)?;
     let alone = held_out_squares(objective, &without.u);
-    let before = LogErrors::of(objective, &without, alone);
-    let after = LogErrors::of(objective, &both.fit, both.held_out);
-    both.chosen[index].evidence = Evidence::of(&before, &after, both.unexplained_at_first);
+    let before = LogErrors::of(objective, first, &without, alone);
+    let after = LogErrors::of(objective, first, &both.fit, both.held_out);
+    both.chosen[index].evidence =
+        Evidence::of(&before, &after, both.own_at_first(objective, first).unwrap_or(both.unexplained_at_first));
     (falls(state.held_out, now) && falls(alone, now)).then_some(both)
 }

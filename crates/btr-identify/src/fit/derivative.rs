@@ -33,6 +33,9 @@ const CRAMPED: f64 = 0.2;
 /// Two steps and the weights of the changes at them.
 type Stencil = [(f64, f64); 2];
 
+/// The residuals after the two steps.
+type MovedPair = (Result<ResidualVector, WorldError>, Result<ResidualVector, WorldError>);
+
 /// A direction to differentiate along.
 struct ProbeDirection {
     /// The row vector that maps a step of the parameters to its length along `scaled`.
@@ -125,17 +128,19 @@ impl FitPoint {
             stencil.map(|(offset, _)| {
                 let mut point = self.u.clone();
                 point[parameter] += offset;
-                point
+                (parameter, point)
             })
         };
-        let points: Vec<Vec<f64>> = active.iter().zip(&stencils).flat_map(moved).collect();
-        let residuals = objective.residuals(&points, LogSet::Learn);
         let here = self.bare();
-        let slope = |(stencil, pair): (&Stencil, &[Result<ResidualVector, WorldError>])| match pair {
-            [Ok(near), Ok(far)] => Slope::new(*stencil, &here, near, far),
+        // Near steps first, then far ones: the two of a parameter never share a rollout.
+        let points: Vec<[(usize, Vec<f64>); 2]> = active.iter().zip(&stencils).map(moved).collect();
+        let (near, far): (Vec<_>, Vec<_>) = points.into_iter().map(|[near, far]| (near, far)).unzip();
+        let (near, far) = (objective.moved(&near, &self.u, &here), objective.moved(&far, &self.u, &here));
+        let slope = |(stencil, pair): (&Stencil, MovedPair)| match pair {
+            (Ok(near), Ok(far)) => Slope::new(*stencil, &here, &near, &far),
             _ => Slope { column: vec![0.0; here.len()], bend: 0.0 },
         };
-        stencils.iter().zip(residuals.chunks(2)).map(slope).collect()
+        stencils.iter().zip(near.into_iter().zip(far)).map(slope).collect()
     }
 
     /// Takes the Jacobian with steps as wide as the uncertainty that the logs leave: fine differences first, then once
@@ -284,15 +289,12 @@ pub fn columns(
     let moved = |&parameter: &usize| {
         let mut point = u.to_vec();
         point[parameter] += reach(parameter);
-        point
+        (parameter, point)
     };
-    let points: Vec<Vec<f64>> = active.iter().map(moved).collect();
-    let residuals = objective.residuals(&points, LogSet::Learn);
+    let bare: Vec<f64> = residual.iter().zip(step_error).map(|(r, e)| r - e).collect();
+    let residuals = objective.moved(&active.iter().map(moved).collect::<Vec<_>>(), u, &bare);
     let column = |(&parameter, moved): (&usize, Result<ResidualVector, WorldError>)| match moved {
-        Ok(moved) => {
-            let bare = residual.iter().zip(step_error).map(|(r, e)| r - e);
-            moved.iter().zip(bare).map(|(a, b)| (a - b) / reach(parameter)).collect()
-        }
+        Ok(moved) => moved.iter().zip(&bare).map(|(a, b)| (a - b) / reach(parameter)).collect(),
         // A parameter whose step cannot be simulated is not searched.
         Err(_) => vec![0.0; residual.len()],
     };

@@ -1,7 +1,7 @@
 //! Evaluation of a residual model: many points and logs at once, with a count of rollouts.
 
 use super::residual_vector::{ResidualVector, squares};
-use super::rollouts::{each, rows_near};
+use super::rollouts::{each, rows_near, shared};
 use super::start::{MOVED, StartStates, nearest_starts};
 use super::time_step::{extrapolation, finer_step};
 use crate::residual_model::{
@@ -65,6 +65,46 @@ impl<'a> Objective<'a> {
             start += log.rows();
         }
         rows
+    }
+
+    /// The channels in which a parameter shows, where the motion is prescribed and the parameter is one of a candidate's
+    /// that acts in a joint; empty where it shows in all.
+    fn channels_of(&self, parameter: usize) -> &[String] {
+        let description = &self.description;
+        let owner = || self.candidates().iter().position(|candidate| candidate.parameters().any(|k| k == parameter));
+        let owner = if description.is_decoupled { owner() } else { None };
+        owner.map_or(&[], |candidate| description.channels_of(candidate))
+    }
+
+    /// Residuals with each of some parameters moved, those of different joints of a prescribed motion in one rollout;
+    /// the first error of a rollout in the place of those that it was for. `usual` is the residual without a move, which
+    /// stays in the channels where a parameter does not show.
+    pub(super) fn moved(
+        &self,
+        points: &[(usize, Vec<f64>)],
+        u: &[f64],
+        usual: &[f64],
+    ) -> Vec<Result<ResidualVector, WorldError>> {
+        let groups = shared(points.iter().map(|(parameter, _)| self.channels_of(*parameter)));
+        let together = |group: &Vec<usize>| {
+            let mut point = u.to_vec();
+            group.iter().for_each(|&k| point[points[k].0] = points[k].1[points[k].0]);
+            point
+        };
+        let residuals = self.residuals(&groups.iter().map(together).collect::<Vec<_>>(), LogSet::Learn);
+        let mut of_points: Vec<_> = points.iter().map(|_| Ok(Vec::new())).collect();
+        for (group, residual) in groups.iter().zip(residuals) {
+            for &k in group {
+                of_points[k] = residual.as_ref().map_err(Clone::clone).map(|residual| {
+                    let near = self.channels_of(points[k].0);
+                    let mut own = if near.is_empty() { residual.clone() } else { usual.to_vec() };
+                    let rows = if near.is_empty() { Vec::new() } else { self.rows_near(LogSet::Learn, near) };
+                    rows.into_iter().for_each(|rows| own[rows.clone()].copy_from_slice(&residual[rows]));
+                    own
+                });
+            }
+        }
+        of_points
     }
 
     fn described(model: &'a dyn ResidualModel, description: ModelDescription, u: &[f64]) -> Self {

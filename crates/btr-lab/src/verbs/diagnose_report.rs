@@ -40,6 +40,10 @@ pub struct Support {
     pub delta_bic: f64,
     /// The share of the squared error above the noise that it explains, on held-out logs if there are any.
     pub share: f64,
+    /// Whether that is the error in the channel of its joint alone, as where the motion is prescribed; of an effect at
+    /// several joints, the smallest share counts then.
+    #[serde(skip)]
+    pub in_own_channel: bool,
     /// In how many logs the error is smaller with it, held-out ones included, and of how many.
     pub logs_better: [usize; 2],
     /// By what share of it its size changes at most if one of the training logs is left out; none with one log alone.
@@ -56,6 +60,7 @@ impl Support {
             probability: found.probability,
             delta_bic: found.delta_bic,
             share: evidence.share,
+            in_own_channel: evidence.in_own_channel,
             logs_better: [evidence.logs_better, evidence.logs],
             leave_one_out_change: evidence.leave_one_out_change,
             established: evidence.established,
@@ -67,7 +72,7 @@ impl Support {
         self.alike.extend(other.alike);
         self.probability = self.probability.min(other.probability);
         self.delta_bic += other.delta_bic;
-        self.share += other.share;
+        self.share = if self.in_own_channel { self.share.min(other.share) } else { self.share + other.share };
         self.logs_better[0] = self.logs_better[0].min(other.logs_better[0]);
         self.leave_one_out_change = match (self.leave_one_out_change, other.leave_one_out_change) {
             (Some(a), Some(b)) => Some(a.max(b)),

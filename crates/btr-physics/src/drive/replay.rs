@@ -4,7 +4,7 @@ use super::Drive;
 use crate::robot::{Actuator, Link, Robot};
 use btr_core::log::{Log, interpolate};
 use btr_core::signal::missing;
-use btr_core::signal::smooth::{Motion, finely};
+use btr_core::signal::smooth::{Motion, Smoother, finely};
 
 /// Time stamps that are off by less than this fraction of the usual sample time count as rounded.
 const ROUNDED: f64 = 1e-3;
@@ -24,6 +24,8 @@ pub struct Replay {
     torque_on: Option<Vec<f64>>,
     /// Smoothed measured motions of the prescribed joints.
     motions: Vec<Option<Vec<Motion>>>,
+    /// Smooths the torques that these motions require.
+    smoother: Option<Smoother>,
 }
 
 impl Replay {
@@ -37,12 +39,15 @@ impl Replay {
             complete(log.clock_s(), finely(log.clock_s(), &measured.values))
         };
         let start_s = log.clock_s().first().copied().unwrap_or(0.0);
+        let motions: Vec<_> = robot.movable().map(|(_, link)| followed(link)).collect();
+        let clock_s: Vec<f64> = log.clock_s().iter().map(|t| t - start_s).collect();
         Replay {
-            clock_s: log.clock_s().iter().map(|t| t - start_s).collect(),
+            smoother: motions.iter().any(Option::is_some).then(|| Smoother::new(&clock_s)),
+            clock_s,
             rounded_s: ROUNDED * log.usual_step_s().unwrap_or(0.0),
             commands: robot.movable().map(|(_, link)| commands(&format!("cmd_{}", link.joint.name))).collect(),
             torque_on: values("torque_on"),
-            motions: robot.movable().map(|(_, link)| followed(link)).collect(),
+            motions,
         }
     }
 }
@@ -56,6 +61,11 @@ impl Replay {
     /// Whether a joint follows its measured motion.
     pub fn follows(&self, joint: usize) -> bool {
         self.motions.get(joint).is_some_and(Option::is_some)
+    }
+
+    /// Torques on the log's clock, smoothed as measured ones are where joints follow measured motions.
+    pub(crate) fn smoothed(&self, torques: &[f64]) -> Vec<f64> {
+        self.smoother.as_ref().map_or_else(|| torques.to_vec(), |smoother| smoother.smoothed(torques))
     }
 
     /// Index of the sample that is held at a time.

@@ -14,7 +14,6 @@ use crate::setup::{Setup, setup_error};
 use btr_core::log::Log;
 use btr_core::log::interpolate;
 use btr_core::parallel;
-use btr_core::signal::smooth;
 use btr_core::space::Space;
 use btr_core::world::TimeStep;
 use btr_core::world::{Behaviour, Cancelled, Job, Measure, Simulator, WorldError};
@@ -111,8 +110,7 @@ impl Model {
         for (_, (_, link)) in joints {
             let clock_s = log.clock_s().to_vec();
             if let Some(torques) = log.values_mut(&format!("tau_{}", link.joint.name)) {
-                let mut recorded = interpolate(&clock_s, torques, replay.clock_s());
-                smooth::in_place(replay.clock_s(), &mut recorded);
+                let recorded = replay.smoothed(&interpolate(&clock_s, torques, replay.clock_s()));
                 torques.copy_from_slice(&interpolate(replay.clock_s(), &recorded, &clock_s));
             }
         }

@@ -6,6 +6,7 @@
 mod pair;
 
 use super::judge::judge_rivals;
+use super::own;
 use super::refit::{Rival, race};
 use super::report::MissingEffect;
 use super::screen::screen;
@@ -44,7 +45,8 @@ pub(super) fn companion(objective: &Objective, state: &mut DiagnosisState) -> Op
     let mut rivals = with_each(objective, &state.fit, &companions);
     rivals.retain(|rival| {
         let share = may_leave(rival.candidate).unwrap_or(0.0);
-        rival.fit.squares() < share * state.fit.squares() || !state.leaves_something(objective, &rival.fit)
+        let left = |fit: &FitPoint| own::learnt(objective, rival.candidate, fit);
+        left(&rival.fit) < share * left(&state.fit) || !state.leaves_something(objective, &rival.fit)
     });
     if rivals.is_empty() { None } else { judge_rivals(objective, state, rivals) }
 }

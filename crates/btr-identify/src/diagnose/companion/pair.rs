@@ -3,12 +3,13 @@
 use super::{is_near, with_each};
 use crate::LadderStep;
 use crate::diagnose::evidence::LogErrors;
+use crate::diagnose::own;
 use crate::diagnose::refit::{FOLLOWER, Rival};
 use crate::diagnose::report::{Evidence, MissingEffect};
 use crate::diagnose::screen::{StartPoint, simulate_worst, with};
 use crate::diagnose::state::DiagnosisState;
 use crate::diagnose::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL};
-use crate::fit::measure::{ComparisonMeasure, held_out_squares};
+use crate::fit::measure::ComparisonMeasure;
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use crate::residual_model::Needs;
@@ -33,6 +34,7 @@ struct Pair {
 pub(crate) fn exchange(objective: &mut Objective, state: &mut DiagnosisState, on_step: &dyn Fn(&LadderStep)) {
     for index in 0..state.chosen.len() {
         if is_near(objective, state)
+            && state.may_depend_on_latest(objective, index)
             && let Some(pair) = better_pair(objective, state, index)
         {
             accept_pair(objective, state, pair, on_step);
@@ -58,18 +60,19 @@ fn better_pair(objective: &Objective, state: &DiagnosisState, index: usize) -> O
         Some(Pair { index, effect, companion })
     });
     let best = pairs.min_by(|a, b| a.companion.fit.cost.total_cmp(&b.companion.fit.cost))?;
-    is_better(objective, state, &best.companion.fit).then_some(best)
+    is_better(objective, state, &best.companion).then_some(best)
 }
 
 /// Whether a fit explains decisively more than the current one, and the held-out logs confirm it.
-fn is_better(objective: &Objective, state: &DiagnosisState, then: &FitPoint) -> bool {
+fn is_better(objective: &Objective, state: &DiagnosisState, then: &Rival) -> bool {
     let measure = ComparisonMeasure::of(objective, &state.fit);
-    let now = &state.fit;
+    let (now, then, candidate) = (&state.fit, &then.fit, then.candidate);
+    let learnt = |fit: &FitPoint| own::learnt(objective, candidate, fit);
     let confirms =
-        |now: f64| held_out_squares(objective, &then.u).is_some_and(|squares| squares < (1.0 - HELD_OUT_FALL) * now);
+        |now: f64| own::held_out(objective, candidate, &then.u).is_some_and(|then| then < (1.0 - HELD_OUT_FALL) * now);
     measure.criterion(now) - measure.criterion(then) > DECISIVE
-        && then.squares() < (1.0 - LEARNT_FALL) * now.squares()
-        && state.held_out.is_none_or(confirms)
+        && learnt(then) < (1.0 - LEARNT_FALL) * learnt(now)
+        && state.own_held_out(objective, candidate).is_none_or(confirms)
 }
 
 /// Replaces findings by a larger law with its companion, which may be among the findings, where an error is left.
@@ -84,6 +87,7 @@ pub(crate) fn exchange_for_larger(
         let leaves = chi(state.fit.squares(), objective.samples(LogSet::Learn));
         if leaves > objective.noise_bound()
             && is_near(objective, state)
+            && state.may_depend_on_latest(objective, index)
             && let Some(pair) = larger_pair(objective, state, index)
         {
             accept_pair(objective, state, pair, on_step);
@@ -104,7 +108,7 @@ fn larger_pair(objective: &Objective, state: &DiagnosisState, index: usize) -> O
         (0..candidates.len()).filter(changes).filter_map(together)
     });
     let best = pairs.min_by(|a, b| a.companion.fit.cost.total_cmp(&b.companion.fit.cost))?;
-    is_better(objective, state, &best.companion.fit).then_some(best)
+    is_better(objective, state, &best.companion).then_some(best)
 }
 
 /// An effect in the place of a finding together with a companion, fitted from where both explain most of several
@@ -169,7 +173,7 @@ fn varied<T>(points: &[Vec<f64>], values: &[T], set: impl Fn(&mut Vec<f64>, &T))
 
 fn accept_pair(objective: &mut Objective, state: &mut DiagnosisState, pair: Pair, on_step: &dyn Fn(&LadderStep)) {
     let Pair { index, effect, companion } = pair;
-    let before = LogErrors::of(objective, &state.fit, state.held_out);
+    let before = LogErrors::of(objective, companion.candidate, &state.fit, state.held_out);
     let measure = ComparisonMeasure::of(objective, &state.fit);
     let gained = measure.criterion(&state.fit) - measure.criterion(&companion.fit);
     state.fit = companion.fit;
@@ -189,7 +193,11 @@ fn accept_pair(objective: &mut Objective, state: &mut DiagnosisState, pair: Pair
     let probability = 1.0 / (1.0 + (-gained / 2.0).exp());
     let added = MissingEffect::of(companion.candidate, added, probability, gained);
     state.record(objective, step, on_step);
-    let after = LogErrors::of(objective, &state.fit, state.held_out);
-    let evidence = Evidence::of(&before, &after, state.unexplained_at_first);
+    let after = LogErrors::of(objective, added.candidate, &state.fit, state.held_out);
+    let evidence = Evidence::of(
+        &before,
+        &after,
+        state.own_at_first(objective, added.candidate).unwrap_or(state.unexplained_at_first),
+    );
     state.chosen.push(MissingEffect { evidence, ..added });
 }

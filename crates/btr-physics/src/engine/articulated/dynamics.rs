@@ -1,6 +1,7 @@
 //! Implementation of [`Dynamics`].
 
 use super::joint_forces;
+use super::prescribed::InverseDynamics;
 use super::state::{Articulated, Coupling};
 use super::step::{ABSURD_SPEED, Steps};
 use crate::engine::{BaseState, Dof, Dynamics, RobotState};
@@ -89,7 +90,9 @@ impl<S: Simd> Dynamics for Articulated<S> {
     }
 
     fn prescribed_torques(&mut self, torques: &mut [f64]) {
-        self.inverse_dynamics(torques);
+        let (simd, arch) = (self.simd, self.arch);
+        let inverse_dynamics = InverseDynamics { engine: self, torques };
+        if S::IS_SCALAR { arch.dispatch(inverse_dynamics) } else { simd.vectorize(inverse_dynamics) }
     }
 
     fn step(&mut self) {

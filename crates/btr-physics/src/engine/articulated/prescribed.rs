@@ -5,9 +5,29 @@
 use super::linear_algebra::lanes::Lanes;
 use super::state::Articulated;
 use crate::engine::Creep;
-use pulp::Simd;
+use pulp::{NullaryFnOnce, Simd};
+
+/// The torques that prescribed joints require, compiled for the engine's instruction set.
+pub(super) struct InverseDynamics<'a, S: Simd> {
+    pub(super) engine: &'a mut Articulated<S>,
+    pub(super) torques: &'a mut [f64],
+}
+
+impl<S: Simd> NullaryFnOnce for InverseDynamics<'_, S> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        self.engine.inverse_dynamics(self.torques);
+    }
+}
 
 impl<S: Simd> Articulated<S> {
+    /// Whether every joint follows a prescribed motion: then nothing has to be solved for.
+    #[inline(always)]
+    pub(super) fn is_prescribed(&self) -> bool {
+        self.root == 0 && self.ball.is_none() && self.prescribed.iter().all(Option::is_some)
+    }
+
     /// Sets the step's middle for prescribed joints, where it is known.
     #[inline(always)]
     pub(super) fn set_prescribed_midpoint(&mut self) {
@@ -50,7 +70,8 @@ impl<S: Simd> Articulated<S> {
 
     /// Computes the torques that the prescribed joints require at the beginning of the coming step, beyond the other
     /// forces on them. Free joints are assumed to keep the acceleration of the last step.
-    pub(super) fn inverse_dynamics(&mut self, torques: &mut [f64]) {
+    #[inline(always)]
+    fn inverse_dynamics(&mut self, torques: &mut [f64]) {
         let (now, simd, s) = (&self.now, self.simd, &mut self.scratch);
         s.middle.clone_from(now);
         s.known.clear();

@@ -41,6 +41,11 @@ impl<S: Simd> Articulated<S> {
     /// One step of `dt_s`, implicit in joint-level forces and contacts.
     #[inline(always)]
     fn advance(&mut self) {
+        if self.is_prescribed() {
+            self.before.copy_from_slice(&self.now.u);
+            self.set_prescribed_end();
+            return;
+        }
         self.predict();
         self.set_prescribed_midpoint();
         self.tree.place(self.simd, &self.scratch.middle);

@@ -1,0 +1,56 @@
+//! Errors where a candidate acts. Where the motion is prescribed, what acts in a joint shows in that joint's torque
+//! alone: whether it explains enough is then a question about this channel, however much is left in others.
+
+use crate::fit::measure::residual_without_step_error;
+use crate::fit::residual_vector::{chi, squares};
+use crate::fit::{FitPoint, LogSet, Objective};
+use std::ops::Range;
+
+/// The channels in which a candidate shows, where it does not show in all.
+fn channels<'a>(objective: &'a Objective, candidate: usize) -> Option<&'a [String]> {
+    let near = objective.description.channels_of(candidate);
+    (objective.description.is_decoupled && !near.is_empty()).then_some(near)
+}
+
+/// Whether a candidate shows in some channels alone.
+pub(super) fn is_apart(objective: &Objective, candidate: usize) -> bool {
+    channels(objective, candidate).is_some()
+}
+
+/// Whether two candidates show in the same channels.
+pub(super) fn are_together(objective: &Objective, a: usize, b: usize) -> bool {
+    channels(objective, a) == channels(objective, b)
+}
+
+/// The rows of the channels where a candidate shows, in the residual of some logs; none where it shows in all.
+pub(super) fn rows(objective: &Objective, candidate: usize, logs: LogSet) -> Vec<Range<usize>> {
+    channels(objective, candidate).map_or_else(Vec::new, |near| objective.rows_near(logs, near))
+}
+
+/// Sum of squares of a residual of some logs, in the channels where a candidate shows.
+fn squares_of(objective: &Objective, candidate: usize, logs: LogSet, residual: &[f64]) -> f64 {
+    match channels(objective, candidate) {
+        None => squares(residual),
+        Some(near) => objective.rows_near(logs, near).into_iter().map(|rows| squares(&residual[rows])).sum(),
+    }
+}
+
+/// Sum of squares of a fit on the training logs.
+pub(super) fn learnt(objective: &Objective, candidate: usize, fit: &FitPoint) -> f64 {
+    squares_of(objective, candidate, LogSet::Learn, &fit.residual)
+}
+
+/// Sum of squares on the held-out logs; `None` where they cannot be simulated.
+pub(super) fn held_out(objective: &Objective, candidate: usize, u: &[f64]) -> Option<f64> {
+    let residual = residual_without_step_error(objective, u, LogSet::HeldOut)?;
+    Some(squares_of(objective, candidate, LogSet::HeldOut, &residual))
+}
+
+/// The error of a fit on the training logs.
+pub(super) fn error(objective: &Objective, candidate: usize, fit: &FitPoint) -> f64 {
+    let samples = match channels(objective, candidate) {
+        None => objective.samples(LogSet::Learn),
+        Some(near) => objective.rows_near(LogSet::Learn, near).into_iter().map(|rows| rows.len()).sum(),
+    };
+    chi(learnt(objective, candidate, fit), samples)
+}
