@@ -4,6 +4,7 @@ import argparse
 import csv
 import json
 import math
+import os
 import statistics
 import subprocess
 import tempfile
@@ -13,6 +14,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 BTR = str(ROOT / "target" / "release" / "btr")
+# Public logs of real machines, which are not part of the project: BTR_DATA, or `shared/data` beside the workspace.
+LOGS_OF_MACHINES = Path(os.environ.get("BTR_DATA", ROOT.parent / "shared" / "data")).resolve()
 
 
 def ask(btr: str, *words: str) -> dict:

@@ -16,9 +16,9 @@ test logs per joint in mrad. Takes about ten minutes on two cores. """
 import csv
 from pathlib import Path
 
-from asking import ROOT, ask, run
+from asking import LOGS_OF_MACHINES, ROOT, ask, run
 
-DATA = ROOT.parent / "shared" / "data" / "sage_so101" / "episodes"
+DATA = LOGS_OF_MACHINES / "sage_so101" / "episodes"
 MODEL = ROOT / "robots" / "so101.toml"
 # The model's joints (those of the arm's makers) and the logs' names of them, shoulder to gripper.
 JOINTS = {

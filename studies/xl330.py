@@ -14,9 +14,9 @@ import bisect
 import csv
 from pathlib import Path
 
-from asking import ROOT, ask, run
+from asking import LOGS_OF_MACHINES, ROOT, ask, run
 
-DATA = ROOT.parent / "shared" / "data" / "bam_xl330_pendulum"
+DATA = LOGS_OF_MACHINES / "bam_xl330_pendulum"
 MODEL = ROOT / "robots" / "xl330_model.toml"
 ASKED, CONFIRMING, UNSEEN = (100, 800), (200,), (400,)
 MOST_EFFECTS = 6
