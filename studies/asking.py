@@ -27,6 +27,13 @@ def ask(btr: str, *words: str) -> dict:
     return said
 
 
+def remaining(left: dict) -> str:
+    """What a diagnosis leaves of a channel: in its unit, in noise floors, and in repeatability if runs tell it."""
+    repeated = left["x_repeatability"]
+    more = "" if repeated is None else f", {repeated:.2f} x_repeatability"
+    return f"{left['channel']} {left['rmse']:.3g} {left['unit']}, {left['x_noise_floor']:.1f} x_noise_floor{more}"
+
+
 def coevolved(btr: str, folder: Path, experiment: Path, seed: int, settings: dict[str, str] | None = None) -> dict:
     """The history of an experiment's run; starts or resumes the run if the folder has no finished one.
 
