@@ -4,6 +4,7 @@ import argparse
 import csv
 import json
 import math
+import os
 import statistics
 import subprocess
 import tempfile
@@ -13,6 +14,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 BTR = str(ROOT / "target" / "release" / "btr")
+# Public logs of real machines, which are not part of the project: BTR_DATA, or `shared/data` beside the workspace.
+LOGS_OF_MACHINES = Path(os.environ.get("BTR_DATA", ROOT.parent / "shared" / "data")).resolve()
 
 
 def ask(btr: str, *words: str) -> dict:
@@ -22,6 +25,13 @@ def ask(btr: str, *words: str) -> dict:
     if not said["ok"]:
         raise SystemExit(f"{' '.join([btr, *words])}\n{done.stdout}{done.stderr}")
     return said
+
+
+def remaining(left: dict) -> str:
+    """What a diagnosis leaves of a channel: in its unit, in noise floors, and in repeatability if runs tell it."""
+    repeated = left["x_repeatability"]
+    more = "" if repeated is None else f", {repeated:.2f} x_repeatability"
+    return f"{left['channel']} {left['rmse']:.3g} {left['unit']}, {left['x_noise_floor']:.1f} x_noise_floor{more}"
 
 
 def coevolved(btr: str, folder: Path, experiment: Path, seed: int, settings: dict[str, str] | None = None) -> dict:

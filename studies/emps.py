@@ -2,11 +2,11 @@
 """EMPS, a real drive with a ball screw: from a rigid carriage to the published figures, with btr's own verbs.
 
     cargo build --release
-    python3 studies/emps.py [--keep DIR]
+    BTR_DATA=FOLDER python3 studies/emps.py [--keep DIR]
 
 The data set is "Data Set and Reference Models of EMPS" by A. Janot, M. Gautier and M. Brunot (Nonlinear System
-Identification Benchmarks, 2019), as `episodes/estimation.csv` and `episodes/validation_pulses.csv` in
-`../shared/data/emps` next to this project. The pulses are held out.
+Identification Benchmarks, 2019), as `episodes/estimation.csv` and `episodes/validation_pulses.csv` in `emps` of the
+folder BTR_DATA (`../shared/data` next to this project). The pulses are held out.
 
 Two models of the same machine, both initially without friction:
 
@@ -25,9 +25,9 @@ import csv
 import math
 import shutil
 
-from asking import ROOT, ask, run
+from asking import LOGS_OF_MACHINES, ROOT, ask, run
 
-DATA = ROOT.parent / "shared" / "data" / "emps"
+DATA = LOGS_OF_MACHINES / "emps"
 KP_PER_S, KV_VS_PER_M = 160.18, 243.45
 LOGS = ("estimation", "validation_pulses")
 

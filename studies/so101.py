@@ -1,24 +1,25 @@
 #!/usr/bin/env python3
 """A real arm: which effects does the model of an SO-101 lack on all joints, and how far does the error fall?
 
-    cargo build --release && python3 studies/so101.py [--keep runs/so101]
+    cargo build --release && BTR_DATA=FOLDER python3 studies/so101.py [--keep runs/so101]
 
-The model is `robots/so101.toml`; the logs are segments of 10 to 18 s from public ones (SAGE, Apache-2.0): training
-logs, held-out logs by which `diagnose` confirms its findings, and test logs, unseen motions of another kind. The whole
-logs last 34 to 205 s and would take ten times as long. The end of `large_amplitude` is left out: there all joints stop
-up to 0.14 rad short at once, as if the gripper had met the table, which the model does not have.
+The model is `robots/so101.toml`; the logs are segments of 10 to 18 s from public ones (SAGE, Apache-2.0):
+`sage_so101` in the folder BTR_DATA, or `../shared/data` next to this project. They are training logs, held-out logs
+by which `diagnose` confirms its findings, and test logs, unseen motions of another kind. The whole logs last 34 to
+205 s and would take ten times as long. The end of `large_amplitude` is left out: there all joints stop up to 0.14 rad
+short at once, as if the gripper had met the table, which the model does not have.
 
-The five servos are of the same type. Therefore the effect that `diagnose` first finds on some joints is added to all of
-them before the next diagnosis; of effects that the logs cannot distinguish, the one with the fewest parameters is
+The five servos are of the same type. Therefore the effect that `diagnose` first finds on some joints is added to all
+of them before the next diagnosis; of effects that the logs cannot distinguish, the one with the fewest parameters is
 taken. Errors are root mean squares: over all joints in multiples of the encoders' noise floor (0.44 mrad), and on the
 test logs per joint in mrad. Takes about ten minutes on two cores. """
 
 import csv
 from pathlib import Path
 
-from asking import ROOT, ask, run
+from asking import LOGS_OF_MACHINES, ROOT, ask, remaining, run
 
-DATA = ROOT.parent / "shared" / "data" / "sage_so101" / "episodes"
+DATA = LOGS_OF_MACHINES / "sage_so101" / "episodes"
 MODEL = ROOT / "robots" / "so101.toml"
 # The model's joints (those of the arm's makers) and the logs' names of them, shoulder to gripper.
 JOINTS = {
@@ -118,7 +119,10 @@ def study(btr: str, folder: Path) -> None:
         found = [f"{effect['effect']}@{site}" for effect in said["effects"] for site in sites(effect)]
         if found:
             ladder.fit(f"+ {' + '.join(found)}", fitted, found, "final.toml")
-    print(f"\nverdict: {said['verdict']}; {100 * said['unexplained_share']:.1f} % of the squared error is not noise")
+    share = f"{100 * said['unexplained_share']:.1f} % of the squared error is not noise"
+    print(f"\nverdict: {said['verdict']}, degree {said['degree']}; {share}")
+    for left in said["remaining"]:
+        print(f"  remaining: {remaining(left)}")
     law = said.get("residual_law")
     print("law of what remains: " + (f"{law['law']} on {law['on']} of {law['site']}" if law else "none found"))
 
