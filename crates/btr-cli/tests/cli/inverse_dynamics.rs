@@ -65,6 +65,11 @@ fn swing(t: f64, phase: f64, (slow, fast): (f64, f64)) -> [f64; 3] {
 /// A leg with what is [`HIDDEN`], in two logs of motion and torque. Its torques are those that the model without it
 /// requires, and on top what friction and rotor take: simulated torques are smoothed, and friction's steps are not.
 fn lab() -> Lab {
+    lab_with(0.0)
+}
+
+/// The same with a torque at the knee by how fast the hip turns, as where motors share a transmission, in N·m·s/rad.
+fn lab_with(coupling: f64) -> Lab {
     let lab = Lab::new();
     lab.write("leg.urdf", URDF);
     lab.write("leg.toml", MODEL);
@@ -89,7 +94,7 @@ fn lab() -> Lab {
             let noise = |k: usize, sigma: f64| sigma * noise(i, phase + 3.0 * k as f64);
             let (q_hip, q_knee) = (hip[0] + noise(0, ENCODER_RAD), knee[0] + noise(1, ENCODER_RAD));
             let tau_hip = cells[columns[0]] + 0.8 * hip[1] + 0.05 * hip[2] + noise(2, TORQUE_NM[0]);
-            let tau_knee = cells[columns[1]] + 0.04 * knee[1].signum() + noise(3, TORQUE_NM[1]);
+            let tau_knee = cells[columns[1]] + 0.04 * knee[1].signum() + coupling * hip[1] + noise(3, TORQUE_NM[1]);
             writeln!(log, "{t},{q_hip},{q_knee},{tau_hip},{tau_knee}").unwrap();
         }
         lab.write(&format!("{name}.csv"), &log);
@@ -124,6 +129,18 @@ fn each_torque_has_its_own_floor_and_a_weak_joint_is_not_overlooked() {
     }
     assert_eq!((answer["verdict"].as_str().unwrap(), named.len()), ("effect_missing", 3), "{answer}");
     assert!((answer["time_step_s"].as_f64().unwrap() * RATE_HZ - 1.0).abs() < 1e-9);
+}
+
+/// No effect of the library couples two joints: the law that is left names the neighbour.
+#[test]
+fn a_coupled_joint_is_told_as_a_law_over_its_neighbour() {
+    let lab = lab_with(0.03);
+    let answer = lab.json("diagnose leg.toml learn.csv --held-out held_out.csv -q");
+    assert!(["unexplained", "partly_explained"].contains(&answer["verdict"].as_str().unwrap()), "{answer}");
+    let law = &answer["residual_law"];
+    assert_eq!((law["site"].as_str(), law["on"].as_str()), (Some("knee"), Some("torque")), "{answer}");
+    assert!(law["law"].as_str().unwrap().contains("dq_parent"), "{law}");
+    assert!(law["explains"].as_f64().unwrap() > 0.8, "{law}");
 }
 
 /// The floors are what the truth leaves.

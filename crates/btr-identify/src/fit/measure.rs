@@ -70,8 +70,8 @@ pub(crate) fn residual_without_step_error(objective: &Objective, u: &[f64], logs
     Some(if squares(&without) < squares(&residual) { without } else { residual })
 }
 
-/// For each channel its rows in all training logs, and the variance of the residual there, at least 1, times its memory:
-/// what is missing in one must not count less because more is missing in another.
+/// For each channel its rows in all training logs, and the variance of the residual there, at least 1, times its
+/// memory: what is missing in one must not count less because more is missing in another.
 fn by_channel(objective: &Objective, fit: &FitPoint) -> Vec<(Vec<Range<usize>>, f64)> {
     let logs = || objective.logs(LogSet::Learn).iter().map(|&log| &objective.description.logs[log]);
     let mut names: Vec<&String> = logs().flat_map(|log| &log.channels).map(|channel| &channel.name).collect();

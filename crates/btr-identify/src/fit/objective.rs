@@ -67,7 +67,7 @@ impl<'a> Objective<'a> {
         rows
     }
 
-    /// The channels in which a parameter shows, where the motion is prescribed and the parameter is one of a candidate's
+    /// The channels in which a parameter shows, where the motion is prescribed and the parameter is one of a candidate
     /// that acts in a joint; empty where it shows in all.
     fn channels_of(&self, parameter: usize) -> &[String] {
         let description = &self.description;
@@ -77,8 +77,8 @@ impl<'a> Objective<'a> {
     }
 
     /// Residuals with each of some parameters moved, those of different joints of a prescribed motion in one rollout;
-    /// the first error of a rollout in the place of those that it was for. `usual` is the residual without a move, which
-    /// stays in the channels where a parameter does not show.
+    /// the error of a rollout in the place of those that it was for. `usual` is the residual without a move: it stays in
+    /// the channels where a parameter does not show.
     pub(super) fn moved(
         &self,
         points: &[(usize, Vec<f64>)],

@@ -85,4 +85,6 @@ pub struct LawTerm {
     /// For a term that oscillates in time: the index of the same term without oscillation. Its only shape is the rate,
     /// without starts: these come from the error's spectrum.
     pub swings: Option<usize>,
+    /// Names of the channels in which it shows, where the motion is prescribed; empty where it shows in all.
+    pub channels: Vec<String>,
 }

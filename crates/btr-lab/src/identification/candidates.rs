@@ -187,7 +187,8 @@ impl IdentificationProblem {
                 Actuator::Passive | Actuator::Torque { .. } | Actuator::Prescribed => false,
             };
             // Only arms: their transmissions run past joints, and each term costs two rollouts.
-            let coupled = servo && model.robot.base == Base::Fixed;
+            let prescribed = joint.actuator == Actuator::Prescribed;
+            let coupled = (servo || prescribed) && model.robot.base == Base::Fixed;
             let context = TermContext {
                 q: self.range(&joint.name),
                 duration_s: self.longest_s(),
@@ -225,7 +226,8 @@ impl IdentificationProblem {
         let candidate =
             EffectCandidate { kind, effect: name, site, amplitudes, shapes, starts, ripple, similar, nested, needs };
         let swings = term.swings.map(|i| first + i);
-        self.features.push(LawTerm { on: format!("{:?}", term.on).to_lowercase(), term: candidate, swings });
+        let channels = if self.model.robot.is_prescribed() { self.shows_in(joint) } else { Vec::new() };
+        self.features.push(LawTerm { on: format!("{:?}", term.on).to_lowercase(), term: candidate, swings, channels });
         self.terms.push((term, effect));
         Ok(())
     }

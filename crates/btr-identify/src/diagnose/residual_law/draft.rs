@@ -15,6 +15,14 @@ const PROBE: f64 = 0.3;
 /// Share to which a further term must lower the cost.
 const WORTH: f64 = 0.9;
 
+/// Which terms a law may have.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum LawKind {
+    OfAnyTerms,
+    /// Without oscillations in time or position, and thresholds: these fit one log and not the next now and then.
+    OfPlainTerms,
+}
+
 /// A law in the linear model of the probes, with its predicted cost.
 pub(super) struct Draft {
     pub(super) terms: Vec<DraftTerm>,
@@ -70,13 +78,15 @@ impl<'a> LinearLawModel<'a> {
         columns - &self.jacobian * self.factors.solve(&self.jacobian.tr_mul(columns))
     }
 
-    /// The best law of a place.
-    pub(super) fn draft(&self, place: Range<usize>) -> Option<Draft> {
+    /// The best law of a place, of plain terms alone or of those with a shape as well.
+    pub(super) fn draft(&self, place: Range<usize>, kind: LawKind) -> Option<Draft> {
         let features = self.objective.law_terms();
         let (mut trials, mut columns) = (Vec::new(), Vec::new());
+        let is_offered = |i: &usize| kind == LawKind::OfAnyTerms || features[*i].term.shapes.is_empty();
         let steady: Vec<ShapedTerm> = place
             .clone()
             .filter(|&i| features[i].swings.is_none())
+            .filter(is_offered)
             .flat_map(|i| {
                 let starts = features[i].term.starts.iter();
                 starts.map(move |shapes| ShapedTerm { feature: i, shapes: shapes.clone() })
@@ -89,7 +99,7 @@ impl<'a> LinearLawModel<'a> {
             let rate = self.rate(&columns[plain.columns.start])?;
             Some(ShapedTerm { feature: i, shapes: vec![parameter.clamp(parameter.coordinate(rate))] })
         };
-        let oscillating: Vec<ShapedTerm> = place.filter_map(rate).collect();
+        let oscillating: Vec<ShapedTerm> = place.filter(is_offered).filter_map(rate).collect();
         self.probe(&oscillating, &mut trials, &mut columns);
         if columns.is_empty() {
             return None;

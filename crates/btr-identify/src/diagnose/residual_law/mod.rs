@@ -14,9 +14,10 @@ mod law;
 pub use law::ResidualLaw;
 
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
+use crate::fit::residual_vector::squares;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use crate::residual_model::LawTerm;
-use draft::{Draft, LinearLawModel};
+use draft::{Draft, LawKind, LinearLawModel};
 use std::ops::Range;
 
 /// Number of places that are fitted in full.
@@ -40,7 +41,9 @@ const LEAST: f64 = 0.3;
 /// were found or, without any, from the given values of the free parameters, which may have been biased by
 /// compensating for the law.
 pub(super) fn residual_law(objective: &Objective, bare: &FitPoint, found: Option<&FitPoint>) -> Option<ResidualLaw> {
-    let first = law_on(objective, bare, bare);
+    // Where joints are questions of their own, a law at one takes no effect's place at another.
+    let instead = !(objective.description.is_decoupled && found.is_some());
+    let first = instead.then(|| law_on(objective, bare, bare)).flatten();
     if first.as_ref().is_some_and(|(_, law)| law.explains >= ENOUGH) {
         return first.map(|(_, law)| law);
     }
@@ -68,34 +71,86 @@ fn preferred(
 }
 
 /// The best law on top of a base, with the squares above the noise that it leaves. The share that it explains is
-/// relative to the fit `from`.
+/// relative to the fit `from`. Of a prescribed motion, where one log may be all there is, laws of plain terms alone are
+/// tried as well: they are held out better. There the law that explains most of the squares counts.
 fn law_on(objective: &Objective, base: &FitPoint, from: &FitPoint) -> Option<(f64, ResidualLaw)> {
-    let (terms, fit) = search(objective, base)?;
-    let (before, left) = (judged(objective, from)?, judged(objective, &fit)?.max(0.0));
-    let explains = if before > 0.0 { (1.0 - left / before).clamp(0.0, 1.0) } else { 0.0 };
-    Some((left, ResidualLaw { terms, fit, beside_effects: false, explains }))
+    let kinds: &[LawKind] = match objective.description.is_decoupled {
+        true => &[LawKind::OfAnyTerms, LawKind::OfPlainTerms],
+        false => &[LawKind::OfAnyTerms],
+    };
+    let laws = kinds.iter().flat_map(|&kind| search(objective, base, kind));
+    let weighed = laws.filter_map(|(terms, fit)| weighed(objective, from, terms, fit));
+    let best = weighed.max_by(|a, b| a.gained.total_cmp(&b.gained))?;
+    Some((best.left, best.law))
+}
+
+/// A law with what it leaves and gains.
+struct WeighedLaw {
+    law: ResidualLaw,
+    /// The sum of squares above the noise that it leaves, in all channels.
+    left: f64,
+    /// By how much it lowers that sum in the channels where it shows.
+    gained: f64,
+}
+
+fn weighed(objective: &Objective, from: &FitPoint, terms: Vec<usize>, fit: FitPoint) -> Option<WeighedLaw> {
+    let channels = terms.first().map_or(&[][..], |&term| objective.law_terms()[term].channels.as_slice());
+    let (before, after) = (judged_in(objective, channels, from)?, judged_in(objective, channels, &fit)?.max(0.0));
+    let explains = if before > 0.0 { (1.0 - after / before).clamp(0.0, 1.0) } else { 0.0 };
+    let left = if channels.is_empty() { after } else { judged(objective, &fit)?.max(0.0) };
+    let law = ResidualLaw { terms, fit, beside_effects: false, explains };
+    Some(WeighedLaw { law, left, gained: before - after })
 }
 
 /// The sum of squares above the noise on the held-out logs; without such, on the training logs.
 fn judged(objective: &Objective, fit: &FitPoint) -> Option<f64> {
-    match objective.samples(LogSet::HeldOut) {
-        0 => Some(fit.squares() - objective.samples(LogSet::Learn) as f64),
-        samples => held_out_squares(objective, &fit.u).map(|squares| squares - samples as f64),
+    judged_in(objective, &[], fit)
+}
+
+/// The same in some channels; in all without any.
+fn judged_in(objective: &Objective, channels: &[String], fit: &FitPoint) -> Option<f64> {
+    let own = |logs: LogSet, residual: &[f64]| {
+        let rows = objective.rows_near(logs, channels);
+        let samples: usize = rows.iter().map(Range::len).sum();
+        rows.into_iter().map(|rows| squares(&residual[rows])).sum::<f64>() - samples as f64
+    };
+    let held_out = objective.samples(LogSet::HeldOut);
+    match (held_out, channels) {
+        (0, []) => Some(fit.squares() - objective.samples(LogSet::Learn) as f64),
+        (0, _) => Some(own(LogSet::Learn, &fit.residual)),
+        (samples, []) => held_out_squares(objective, &fit.u).map(|squares| squares - samples as f64),
+        _ => objective.residual(&fit.u, LogSet::HeldOut).ok().map(|residual| own(LogSet::HeldOut, &residual)),
     }
 }
 
-/// The terms of the best law on top of a base, and the fit with it.
-fn search(objective: &Objective, base: &FitPoint) -> Option<(Vec<usize>, FitPoint)> {
+/// The terms of the best law on top of a base, and the fit with it; where laws show in different channels, the best of
+/// each place.
+fn search(objective: &Objective, base: &FitPoint, kind: LawKind) -> Vec<(Vec<usize>, FitPoint)> {
+    let fits = finalists(objective, base, kind).unwrap_or_default();
+    if objective.description.is_decoupled {
+        return fits;
+    }
+    best(objective, fits).into_iter().collect()
+}
+
+/// The fits of the best drafts; of every place where laws show in different channels.
+fn finalists(objective: &Objective, base: &FitPoint, kind: LawKind) -> Option<Vec<(Vec<usize>, FitPoint)>> {
     let mut base = base.clone();
     if !base.fresh {
         base.differentiate(objective);
     }
     let linear = LinearLawModel::new(objective, &base)?;
     let places = places(objective.law_terms());
-    let mut drafts: Vec<Draft> = places.into_iter().filter_map(|place| linear.draft(place)).collect();
+    let mut drafts: Vec<Draft> = places.into_iter().filter_map(|place| linear.draft(place, kind)).collect();
     drafts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    drafts.truncate(FINALISTS);
-    let fits: Vec<(Vec<usize>, FitPoint)> = drafts.iter().filter_map(|draft| finish(objective, &base, draft)).collect();
+    if !objective.description.is_decoupled {
+        drafts.truncate(FINALISTS);
+    }
+    Some(drafts.iter().filter_map(|draft| finish(objective, &base, draft)).collect())
+}
+
+/// The law with the lowest criterion; of close ones the first one listed.
+fn best(objective: &Objective, fits: Vec<(Vec<usize>, FitPoint)>) -> Option<(Vec<usize>, FitPoint)> {
     let measure =
         ComparisonMeasure::of(objective, fits.iter().map(|(_, fit)| fit).min_by(|a, b| a.cost.total_cmp(&b.cost))?);
     let least = fits.iter().map(|(_, fit)| measure.criterion(fit)).fold(f64::INFINITY, f64::min);

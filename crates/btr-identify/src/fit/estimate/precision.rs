@@ -66,3 +66,18 @@ pub(super) fn independent(covariance: &DMatrix<f64>) -> Vec<f64> {
 pub(super) fn roots(covariance: &DMatrix<f64>) -> Vec<f64> {
     covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::DVector;
+
+    #[test]
+    fn independent_deviations_are_in_no_direction_narrower() {
+        let covariance = DMatrix::from_row_slice(3, 3, &[4.0, 1.9, 0.0, 1.9, 1.0, 0.1, 0.0, 0.1, 9.0]);
+        let widened = DVector::from_vec(independent(&covariance)).component_mul(&DVector::from_vec(roots(&covariance)));
+        let difference = DMatrix::from_diagonal(&widened.component_mul(&widened)) - &covariance;
+        assert!(difference.symmetric_eigenvalues().min() > -1e-12);
+        assert_eq!(independent(&DMatrix::from_diagonal(&DVector::from_vec(vec![4.0, 1.0]))), [1.0, 1.0]);
+    }
+}

@@ -241,6 +241,11 @@ fn torques(sign: &str, context: &TermContext) -> Vec<TermDefinition> {
     all.extend(swings(&all, 4));
     let neighbour = [("q", "N·m/rad", 0.3), ("dq", "N·m·s/rad", 0.05), ("tau", "1", 0.1)];
     all.extend(of_neighbours(FormulaTarget::Torque, &neighbour, context));
+    // Motors that share a transmission rub where both turn; where a servo moves the joint, its command hides that.
+    for side in sides(context).filter(|_| !context.servo) {
+        let of = |speed: &str| torque(&sign.replace("dq", speed), "N·m", 0.1);
+        all.extend([of(&format!("dq_{side}")), of(&format!("(dq+dq_{side})")), of(&format!("(dq-dq_{side})"))]);
+    }
     all
 }
 
@@ -267,11 +272,16 @@ fn of_neighbours(
     quantities: &[(&str, &'static str, f64)],
     context: &TermContext,
 ) -> Vec<TermDefinition> {
-    let sides = [("parent", context.parent), ("child", context.child)].into_iter().filter(|(_, present)| *present);
     let term = |side| {
         quantities.iter().map(move |&(of, unit, size)| TermDefinition::new(on, &format!("{of}_{side}"), unit, size))
     };
-    sides.flat_map(|(side, _)| term(side)).collect()
+    sides(context).flat_map(term).collect()
+}
+
+/// Which neighbours a joint has.
+fn sides(context: &TermContext) -> impl Iterator<Item = &'static str> {
+    let sides = [("parent", context.parent), ("child", context.child)].into_iter();
+    sides.filter(|(_, present)| *present).map(|(side, _)| side)
 }
 
 fn readings(context: &TermContext) -> Vec<TermDefinition> {

@@ -6,8 +6,8 @@ use btr_core::space::Dim;
 use btr_physics::robot::site::is_like;
 
 impl VerbInput {
-    /// The same with the parameters whose names match one of the patterns kept at the model's values. `*` in a pattern
-    /// matches any run of characters: `mass@*`, `coulomb_friction.*@*`.
+    /// The same with the parameters whose names match one of the patterns kept at the model's values; what is added to
+    /// the model stays free. `*` in a pattern matches any run of characters: `mass@*`, `coulomb_friction.*@*`.
     ///
     /// # Errors
     /// A pattern that matches no parameter; a parameter for which the model has no single value.
@@ -19,7 +19,8 @@ impl VerbInput {
                 return Err(ProblemError::FreezesNothing { pattern: pattern.clone(), known });
             }
         }
-        let is_frozen = |dim: &Dim| patterns.iter().any(|pattern| is_like(pattern, &dim.name));
+        let is_frozen =
+            |dim: &Dim| !self.added.contains(&dim.name) && patterns.iter().any(|pattern| is_like(pattern, &dim.name));
         if let Some(dim) = dims.iter().find(|dim| is_frozen(dim) && dim.nominal.is_none()) {
             return Err(ProblemError::NoValueToFreeze(dim.name.clone()));
         }

@@ -25,6 +25,8 @@ pub struct VerbInput {
     pub doubts: Vec<Doubt>,
     /// Joints without measurements: results do not cover them.
     pub not_judged: Vec<String>,
+    /// Parameters of effects that were added to the model, by name.
+    added: Vec<String>,
     /// Parameters that keep the model's values, by name.
     pub frozen: Vec<String>,
     /// Logs that could not be used.
@@ -79,8 +81,9 @@ impl VerbInput {
             return Err(ProblemError::Short(longest));
         }
         let problem = IdentificationProblem::new(Arc::new(replays.model), replays.logs, &[])?;
-        let (frozen, left_out) = (Vec::new(), replays.left_out);
-        Ok(VerbInput { source, problem, doubts, not_judged, frozen, left_out, recordings: replays.recordings })
+        let (added, frozen) = (Vec::new(), Vec::new());
+        let Replays { left_out, recordings, .. } = replays;
+        Ok(VerbInput { source, problem, doubts, not_judged, added, frozen, left_out, recordings })
     }
 
     /// The same with effects added to the model, their bounds scaled to the robot's motion in the logs; `replays` is
@@ -97,9 +100,11 @@ impl VerbInput {
         let additions: Vec<Addition> =
             additions.iter().map(|text| Addition::parse(text, robot)).collect::<Result<_, _>>()?;
         let text = add_scaled(&bare.source, bare.problem.scales(), &additions)?;
+        let known = names(&bare.problem);
         let Recordings { learn, held_out } = bare.recordings;
         let input = VerbInput::new(Source { text, ..bare.source }, &learn, &held_out)?;
-        Ok(VerbInput { left_out: bare.left_out, ..input })
+        let added = names(&input.problem).into_iter().filter(|name| !known.contains(name)).collect();
+        Ok(VerbInput { left_out: bare.left_out, added, ..input })
     }
 
     /// The training logs and the held-out logs that are used: files, or names.
@@ -107,4 +112,9 @@ impl VerbInput {
         let Recordings { learn, held_out } = &self.recordings;
         [learn, held_out].map(|logs| logs.iter().map(|log| log.path.clone()).collect())
     }
+}
+
+/// Names of the free parameters.
+fn names(problem: &IdentificationProblem) -> Vec<String> {
+    problem.model().simulations.dims().iter().map(|dim| dim.name.clone()).collect()
 }
