@@ -77,8 +77,8 @@ impl<'a> Objective<'a> {
     }
 
     /// Residuals with each of some parameters moved, those of different joints of a prescribed motion in one rollout;
-    /// the error of a rollout in the place of those that it was for. `usual` is the residual without a move: it stays in
-    /// the channels where a parameter does not show.
+    /// the error of a rollout in the place of those that it was for. `usual` is the residual without a move, for the
+    /// channels where a parameter does not show.
     pub(super) fn moved(
         &self,
         points: &[(usize, Vec<f64>)],
