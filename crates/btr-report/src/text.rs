@@ -253,6 +253,8 @@ pub fn fit_command(report: &DiagnoseReport, subject: &Subject) -> Option<String>
     let held_out =
         if subject.held_out.is_empty() { String::new() } else { format!(" --held-out {}", paths(subject.held_out)) };
     let freezes: String = subject.input.frozen.iter().map(|name| format!(" --freeze {name}")).collect();
+    // A fit does not overwrite the model that it reads.
+    let output = if model.ends_with("fitted.toml") { "fitted_again.toml" } else { "fitted.toml" };
     let (model, logs, adds) = (model.display(), paths(subject.logs), adds.join(" "));
-    Some(format!("btr fit {model} {logs}{held_out} {adds}{freezes} -o fitted.toml"))
+    Some(format!("btr fit {model} {logs}{held_out} {adds}{freezes} -o {output}"))
 }

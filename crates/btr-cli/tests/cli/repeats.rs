@@ -119,6 +119,8 @@ fn what_runs_differ_by_is_explained_and_no_more_is_asked() {
     for word in ["no more than runs of the same command differ by", "error (x repeatability)"] {
         assert!(text.contains(word), "{text}");
     }
+    lab.ok(&format!("diagnose swing.toml {logs} -q --report why.html"));
+    assert!(lab.read("why.html").contains("no more than runs of the same command differ by."));
     // The same friction without runs that could show it: the error has structure far above the encoder's noise.
     let alone = lab.json("diagnose swing.toml a0.csv b0.csv --held-out c0.csv -q");
     assert!(["unexplained", "partly_explained"].contains(&alone["degree"].as_str().unwrap()), "{alone}");

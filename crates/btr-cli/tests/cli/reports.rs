@@ -77,6 +77,10 @@ fn diagnose_says_what_is_missing_and_shows_why() {
     );
     // Wall time is nowhere in it.
     assert_eq!(html, report(&lab, "diagnose", "--threads 1"));
+    // The next fit does not write over the model that it reads.
+    lab.write("fitted.toml", &lab.read("swing.toml"));
+    let next = lab.ok("diagnose fitted.toml log.csv -q");
+    assert!(next.contains("--add coulomb_friction@hinge -o fitted_again.toml"), "{next}");
 }
 
 #[test]

@@ -12,7 +12,7 @@ use crate::text::{
 use btr_core::log::Log;
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{RankedCandidate, Verdict};
-use btr_identify::fit::Estimate;
+use btr_identify::fit::{Degree, Estimate};
 use btr_lab::verbs::{DiagnoseReport, EffectReport, ErrorUnit, LawReport, NextExperiment, Support, ValueReport};
 use btr_physics::effects;
 
@@ -73,7 +73,8 @@ fn sentence(found: &DiagnoseReport) -> String {
     let notes = found.shows_noise().into_iter().chain(found.shows_where_judged());
     let noted = |sentence: String| format!(" Note that {sentence}.");
     let where_judged: String = notes.map(noted).collect();
-    let left_over = found.shows_left_over().map_or_else(String::new, noted);
+    let limited = (found.degree == Degree::ExplainedToRepeatability).then(|| what_remains(found.degree).to_owned());
+    let left_over: String = limited.into_iter().chain(found.shows_left_over()).map(noted).collect();
     match (found.verdict, names.is_empty()) {
         (Verdict::EffectMissing, _) => {
             format!(
