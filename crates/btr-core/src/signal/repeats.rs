@@ -1,8 +1,8 @@
 //! How far runs of the same command differ: the error that no deterministic model can go below.
 //!
 //! A run departs from the mean of its runs by what the robot does not do twice. With m runs, the squares of these
-//! departures sum to m - 1 times the variance, sample by sample: the pure error of the lack-of-fit test (G. E. P. Box,
-//! J. S. Hunter and W. G. Hunter, "Statistics for Experimenters", 2005).
+//! departures sum to m - 1 times the variance, sample by sample: the pure error of the lack-of-fit test of regression
+//! with replicates.
 
 use super::stats::quantile;
 
@@ -29,16 +29,9 @@ pub struct RunSpread {
     differences: f64,
     /// The same as independent ones, by the memory within a run.
     independent: f64,
-    /// The runs of each command.
-    commands: Vec<CommandRuns>,
-}
-
-/// The runs of a command.
-#[derive(Clone, Debug, PartialEq)]
-struct CommandRuns {
-    /// Mean square of each run's departures as those of one run from what the robot does on average, in the square of
-    /// the channel's unit.
-    squares: Vec<f64>,
+    /// For each command, the mean square of the departures of each run from what the robot does on average, in the
+    /// square of the channel's unit.
+    commands: Vec<Vec<f64>>,
 }
 
 /// The departures of runs from their mean, sample by sample: all runs on one clock. NaN where fewer than two have a
@@ -67,7 +60,7 @@ impl RunSpread {
             squares: departures.iter().flatten().filter(|d| d.is_finite()).map(|d| d * d).sum(),
             differences,
             independent: differences / memory_of_squares(departures),
-            commands: if differences > 0.0 { vec![CommandRuns { squares: runs }] } else { Vec::new() },
+            commands: if differences > 0.0 { vec![runs] } else { Vec::new() },
         }
     }
 
@@ -105,15 +98,15 @@ impl RunSpread {
 
     /// Number of runs beyond the first of each command.
     fn runs(&self) -> f64 {
-        self.commands.iter().map(|command| (command.squares.len() - 1) as f64).sum()
+        self.commands.iter().map(|runs| (runs.len() - 1) as f64).sum()
     }
 
     /// The relative variance of the mean squares of runs: 2 over the number of independent samples of a run.
     fn inequality(&self) -> f64 {
         let Some(usual) = self.std().map(|std| std * std) else { return 0.0 };
-        let of_command = |command: &CommandRuns| {
-            let count = command.squares.len() as f64;
-            let apart: f64 = command.squares.iter().map(|square| (square / usual - 1.0).powi(2)).sum();
+        let of_command = |runs: &Vec<f64>| {
+            let count = runs.len() as f64;
+            let apart: f64 = runs.iter().map(|square| (square / usual - 1.0).powi(2)).sum();
             apart * (count - 1.0) / count
         };
         self.commands.iter().map(of_command).sum::<f64>() / self.runs()
@@ -134,6 +127,9 @@ fn mean_square(run: &[f64]) -> f64 {
 fn memory_of_squares(runs: &[Vec<f64>]) -> f64 {
     /// The sum ends where the lag is this many times it, or at half of the series.
     const WINDOW: f64 = 5.0;
+    /// From this lag on, lags are left out: as many in a row as a share of the lag, and those between count alike. A
+    /// long run with a long memory would take the square of its samples.
+    const EVERY: usize = 32;
     let product = |lag: usize| {
         let pairs = runs.iter().flat_map(|run| run.iter().zip(run.iter().skip(lag)).map(|(a, b)| a * b));
         let (n, sum) = pairs.filter(|p| p.is_finite()).fold((0.0f64, 0.0), |(n, sum), p| (n + 1.0, sum + p));
@@ -144,11 +140,11 @@ fn memory_of_squares(runs: &[Vec<f64>]) -> f64 {
     if variance <= 0.0 {
         return time;
     }
-    for lag in 1..samples / 2 {
-        time += 2.0 * (product(lag) / variance).powi(2);
-        if lag as f64 >= WINDOW * time {
-            break;
-        }
+    let mut lag = 1;
+    while lag < samples / 2 && (lag as f64) < WINDOW * time {
+        let step = (lag / EVERY).max(1);
+        time += 2.0 * step as f64 * (product(lag) / variance).powi(2);
+        lag += step;
     }
     time
 }
@@ -165,8 +161,8 @@ pub fn largest_ratio(deviation: f64) -> f64 {
     (QUANTILE_99 * deviation).exp()
 }
 
-/// The runs whose departures are far larger than those of the others (this many medians, root mean square), of at
-/// least three.
+/// The runs whose departures are far larger than usual (this many medians, root mean square); none of fewer than four
+/// runs, where one departs the mean itself.
 pub fn outliers(departures: &[Vec<f64>], medians: f64) -> Vec<usize> {
     let sizes: Vec<f64> = departures.iter().map(|run| mean_square(run).sqrt()).collect();
     let Some(usual) = quantile(sizes.clone(), 0.5).filter(|_| sizes.len() >= 4) else { return Vec::new() };

@@ -16,6 +16,8 @@ pub(super) struct LogErrors {
     each: Vec<f64>,
     /// The mean square over the logs that judge it: the held-out ones, if there are any.
     pub(super) judged: f64,
+    /// Whether they are those of the channels where a candidate shows, and not all.
+    in_own_channel: bool,
 }
 
 impl LogErrors {
@@ -33,11 +35,9 @@ impl LogErrors {
             (_, Some(squares)) => chi(squares, objective.samples(LogSet::HeldOut)),
             (_, None) => f64::INFINITY,
         };
-        LogErrors { each, judged: judged.powi(2) }
+        LogErrors { each, judged: judged.powi(2), in_own_channel: false }
     }
-}
 
-impl LogErrors {
     /// The same in the channels of a candidate that does not show in all.
     fn own(objective: &Objective, candidate: usize, fit: &FitPoint, held_out: Option<&ResidualVector>) -> Self {
         let errors = |logs: LogSet, residual: Option<&ResidualVector>| -> Vec<(f64, usize)> {
@@ -49,8 +49,8 @@ impl LogErrors {
         let (learnt, judged) = (errors(LogSet::Learn, Some(&fit.residual)), errors(LogSet::HeldOut, held_out));
         let judging = if judged.is_empty() { &learnt } else { &judged };
         let (sum, samples) = judging.iter().fold((0.0, 0), |(sum, n), (squares, samples)| (sum + squares, n + samples));
-        let judged_error = sum / samples.max(1) as f64;
-        LogErrors { each: learnt.iter().chain(&judged).map(|(squares, _)| *squares).collect(), judged: judged_error }
+        let each = learnt.iter().chain(&judged).map(|(squares, _)| *squares).collect();
+        LogErrors { each, judged: sum / samples.max(1) as f64, in_own_channel: true }
     }
 }
 
@@ -114,7 +114,7 @@ impl Evidence {
             logs: after.each.len(),
             leave_one_out_change: None,
             established: false,
-            in_own_channel: false,
+            in_own_channel: after.in_own_channel,
         }
     }
 }

@@ -6,7 +6,7 @@ use super::report::{MissingEffect, RankedCandidate, RivalPoint};
 use super::state::{DiagnosisState, earns_its_parameters};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, INDISTINCT, LEARNT_FALL, TIE};
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
-use crate::fit::residual_vector::{chi, squares};
+use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective};
 
 /// Share of the sum of squares that an effect must explain for another one to be looked for beside it although the
@@ -55,15 +55,17 @@ pub(super) fn judge_rivals(
         delta_bic: before - measure.criterion(&r.fit),
     };
     state.rounds.push(rivals.iter().zip(&held_out).map(ranked).collect());
-    let own = OwnChannels::of(objective, state);
     // The best that the held-out logs confirm: one that fits by accident is passed over.
-    let passes = |(r, squares): &(&Rival, &Option<f64>)| {
-        let whole = || {
-            let confirmed = |base: f64| squares.is_some_and(|squares| squares < (1.0 - HELD_OUT_FALL) * base);
-            1.0 - r.fit.squares() / state.fit.squares() > LEARNT_FALL && state.held_out.is_none_or(confirmed)
+    let passes = |(r, whole): &(&Rival, &Option<f64>)| {
+        let learnt = |fit: &FitPoint| own::learnt(objective, r.candidate, fit);
+        let confirmed = |now: f64| {
+            let apart = own::is_apart(objective, r.candidate);
+            let then = if apart { own::held_out(objective, r.candidate, &r.fit.u) } else { **whole };
+            then.is_some_and(|then| then < (1.0 - HELD_OUT_FALL) * now)
         };
-        let lowers = own.as_ref().and_then(|own| own.are_lowered(objective, r)).unwrap_or_else(whole);
-        before - measure.criterion(&r.fit) > DECISIVE && lowers
+        before - measure.criterion(&r.fit) > DECISIVE
+            && 1.0 - learnt(&r.fit) / learnt(&state.fit) > LEARNT_FALL
+            && state.own_held_out(objective, r.candidate).is_none_or(confirmed)
     };
     let passing: Vec<(&Rival, &Option<f64>)> = rivals.iter().zip(&held_out).filter(passes).collect();
     let first = rivals.first()?;
@@ -85,43 +87,6 @@ pub(super) fn judge_rivals(
     rivals.retain(|r| !contradicted.contains(&r.candidate));
     let found = named(objective, state, &measure, &rivals, &winner, (best, stands_for));
     Some((winner, found))
-}
-
-/// The base's residuals where what acts in a joint shows in its own channel alone: what is missing there must not count
-/// less because more is missing at another joint.
-struct OwnChannels<'a> {
-    learnt: &'a [f64],
-    held_out: Option<Vec<f64>>,
-}
-
-impl<'a> OwnChannels<'a> {
-    fn of(objective: &Objective, state: &'a DiagnosisState) -> Option<Self> {
-        if !objective.description.is_decoupled {
-            return None;
-        }
-        let held_out = state.held_out.and_then(|_| objective.residual(&state.fit.u, LogSet::HeldOut).ok());
-        Some(OwnChannels { learnt: &state.fit.residual, held_out })
-    }
-
-    /// Whether a rival lowers the sums of squares of its own channels enough; `None` where it acts in all.
-    fn are_lowered(&self, objective: &Objective, rival: &Rival) -> Option<bool> {
-        let near = objective.description.channels_of(rival.candidate);
-        if near.is_empty() {
-            return None;
-        }
-        let fall = |set: LogSet, before: &[f64], after: &[f64]| {
-            let rows = objective.rows_near(set, near);
-            let of = |residual: &[f64]| rows.iter().map(|rows| squares(&residual[rows.clone()])).sum::<f64>();
-            1.0 - of(after) / of(before)
-        };
-        let learnt = fall(LogSet::Learn, self.learnt, &rival.fit.residual) > LEARNT_FALL;
-        let confirmed = || {
-            let Some(before) = &self.held_out else { return true };
-            let after = objective.residual(&rival.fit.u, LogSet::HeldOut);
-            after.is_ok_and(|after| fall(LogSet::HeldOut, before, &after) > HELD_OUT_FALL)
-        };
-        Some(learnt && confirmed())
-    }
 }
 
 /// The rivals, which pass and are sorted by B, without those that the training logs hardly tell from the first, but

@@ -96,9 +96,7 @@ impl DiagnosisState {
             self.contradicted.clear();
         }
         let after = LogErrors::of(objective, found, &self.fit, self.held_out);
-        let at_first = own_at_first.unwrap_or(self.unexplained_at_first);
-        let in_own_channel = own::is_apart(objective, found);
-        let evidence = Evidence { in_own_channel, ..Evidence::of(&before, &after, at_first) };
+        let evidence = Evidence::of(&before, &after, own_at_first.unwrap_or(self.unexplained_at_first));
         if let Some(found) = self.chosen.last_mut() {
             found.evidence = evidence;
         }

@@ -40,7 +40,7 @@ pub struct Support {
     pub delta_bic: f64,
     /// The share of the squared error above the noise that it explains, on held-out logs if there are any.
     pub share: f64,
-    /// Whether that is the error in the channel of its joint alone, as where the motion is prescribed; of an effect at
+    /// Whether that is the error in the channel of its joint alone, as where the motion is prescribed: of an effect at
     /// several joints, the smallest share counts then.
     #[serde(skip)]
     pub in_own_channel: bool,

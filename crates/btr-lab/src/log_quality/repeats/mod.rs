@@ -116,11 +116,10 @@ fn sensor_floor(model: &Model, logs: &[Log], errors: &Errors, name: &str) -> f64
     let of_log = |scenario: &usize| {
         let (log, noise) = (&logs[*scenario], &model.setup.noise);
         let readings = &log.channel(name)?.values;
-        let beside = errors.simulated.get(scenario).and_then(|simulated| {
-            let predicted = interpolate(simulated.clock_s(), simulated.values(name).ok()?, log.clock_s());
-            noise.floor_beside(name, readings, &predicted)
-        });
-        beside.or_else(|| noise.floor(name, readings))
+        match errors.predicted(log, *scenario, name) {
+            Some(predicted) => noise.floor_beside(name, readings, &predicted),
+            None => noise.floor(name, readings),
+        }
     };
     let floors: Vec<f64> = errors.scenarios.iter().filter_map(of_log).collect();
     (floors.iter().map(|floor| floor * floor).sum::<f64>() / floors.len().max(1) as f64).sqrt()
@@ -171,16 +170,22 @@ impl Errors {
         // Where a simulation diverges, readings are compared with readings.
         let simulate = |k: usize| model.simulate(model.request(&s, k).controller(&c)).ok().map(|log| (k, log));
         let simulated: Vec<Option<(usize, Log)>> = scenarios.par_iter().copied().map(simulate).collect();
-        let follows = |k: usize, log: &Log| log.duration_s() + logs[k].usual_step_s().unwrap_or(0.0);
-        let whole = |(k, log): &(usize, Log)| follows(*k, log) >= logs[*k].duration_s();
-        Errors { scenarios, simulated: simulated.into_iter().flatten().filter(whole).collect() }
+        let is_whole = |(k, simulated): &(usize, Log)| {
+            simulated.duration_s() + logs[*k].usual_step_s().unwrap_or(0.0) >= logs[*k].duration_s()
+        };
+        Errors { scenarios, simulated: simulated.into_iter().flatten().filter(is_whole).collect() }
+    }
+
+    /// What the model predicts of a scenario's channel, on the log's clock; `None` where it diverges.
+    fn predicted(&self, log: &Log, scenario: usize, name: &str) -> Option<Vec<f64>> {
+        let model = self.simulated.get(&scenario)?;
+        Some(interpolate(model.clock_s(), model.values(name).ok()?, log.clock_s()))
     }
 
     /// The error of a scenario's channel on its own clock.
     fn channel(&self, log: &Log, scenario: usize, name: &str) -> Option<Vec<f64>> {
         let readings = &log.channel(name)?.values;
-        let Some(model) = self.simulated.get(&scenario) else { return Some(readings.clone()) };
-        let predicted = interpolate(model.clock_s(), model.values(name).ok()?, log.clock_s());
+        let Some(predicted) = self.predicted(log, scenario, name) else { return Some(readings.clone()) };
         Some(readings.iter().zip(predicted).map(|(reading, predicted)| reading - predicted).collect())
     }
 }

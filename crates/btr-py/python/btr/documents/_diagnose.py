@@ -18,7 +18,8 @@ class Support(Record):
     delta_bic: float
     """How much it lowers the information criterion."""
     share: float
-    """The share of the squared error above the noise that it explains, on held-out logs if there are any."""
+    """The share of the squared error above the noise that it explains, on held-out logs if there are any; where the
+    motion is prescribed, of the error of its joint's torque."""
     logs_better: list[int]
     """In how many logs the error is smaller with it, held-out ones included, and of how many."""
     leave_one_out_change: float | None
