@@ -79,7 +79,7 @@ pub(super) fn leave_one_out_change(objective: &Objective, fit: &FitPoint, candid
         return None;
     }
     let amplitudes = &objective.candidates()[candidate].amplitudes;
-    let curvature = fit.quadratic_model(objective.parameters(), jacobian).curvature;
+    let curvature = fit.quadratic_model(objective, jacobian).curvature;
     let without = |rows: Range<usize>| {
         let of_log = jacobian.rows(rows.start, rows.len());
         let gradient = of_log.tr_mul(&DVector::from_column_slice(&fit.residual[rows]));

@@ -1,6 +1,7 @@
 //! Fitting the free parameters to measurements: an objective, a bounded search, start states, and estimates with
 //! intervals.
 
+mod blocks;
 mod derivative;
 mod estimate;
 mod fitted;
@@ -12,6 +13,7 @@ mod rollouts;
 mod settle;
 mod solve;
 mod start;
+mod superposition;
 mod time_step;
 
 pub use crate::residual_model::NOISE;

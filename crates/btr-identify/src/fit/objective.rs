@@ -1,13 +1,16 @@
 //! Evaluation of a residual model: many points and logs at once, with a count of rollouts.
 
+use super::blocks::Block;
 use super::residual_vector::{ResidualVector, squares};
 use super::rollouts::{each, rows_near, shared};
 use super::start::{MOVED, StartStates, nearest_starts};
+use super::superposition::Superposition;
 use super::time_step::{extrapolation, finer_step};
 use crate::residual_model::{
     Derivation, EffectCandidate, FitParameter, LawTerm, ModelDescription, ResidualModel, ResidualRequest, TimeStep,
 };
 use btr_core::world::{Cancelled, WorldError};
+use std::collections::HashMap;
 use std::iter::{once, once_with};
 use std::ops::Range;
 use std::sync::Arc;
@@ -29,6 +32,9 @@ pub struct Objective<'a> {
     held_out: Vec<usize>,
     starts: StartStates,
     step: TimeStep,
+    superposition: Superposition,
+    /// For each parameter of what acts in one joint of a prescribed motion, the channels in which it shows.
+    own_channels: HashMap<usize, Vec<String>>,
     rollouts: AtomicUsize,
     stop_signal: Option<StopSignal>,
     /// Whether the signal counts now: the first evaluation and the final report are always finished.
@@ -67,13 +73,32 @@ impl<'a> Objective<'a> {
         rows
     }
 
-    /// The channels in which a parameter shows, where the motion is prescribed and the parameter is one of a candidate
-    /// that acts in a joint; empty where it shows in all.
+    /// The channels in which a parameter shows, where the motion is prescribed and the parameter is one of what acts in
+    /// a joint; empty where it shows in all.
     fn channels_of(&self, parameter: usize) -> &[String] {
-        let description = &self.description;
-        let owner = || self.candidates().iter().position(|candidate| candidate.parameters().any(|k| k == parameter));
-        let owner = if description.is_decoupled { owner() } else { None };
-        owner.map_or(&[], |candidate| description.channels_of(candidate))
+        self.own_channels.get(&parameter).map_or(&[], Vec::as_slice)
+    }
+
+    /// The blocks of the training logs' Jacobian with respect to some parameters; none where it is dense.
+    pub(super) fn blocks(&self, active: &[usize]) -> Vec<Block> {
+        if self.own_channels.is_empty() {
+            return Vec::new();
+        }
+        let mut names: Vec<&String> = Vec::new();
+        for channel in self.learn.iter().flat_map(|&log| &self.description.logs[log].channels) {
+            if !names.contains(&&channel.name) {
+                names.push(&channel.name);
+            }
+        }
+        let shows = |parameter: usize, name: &String| {
+            let near = self.channels_of(parameter);
+            near.is_empty() || near.contains(name)
+        };
+        let block = |name: &String| Block {
+            rows: self.rows_near(LogSet::Learn, std::slice::from_ref(name)),
+            columns: (0..active.len()).filter(|&k| shows(active[k], name)).collect(),
+        };
+        names.into_iter().map(block).collect()
     }
 
     /// Residuals with each of some parameters moved, those of different joints of a prescribed motion in one rollout;
@@ -113,6 +138,8 @@ impl<'a> Objective<'a> {
         let (starts, rollouts) = StartStates::at(model, &description, u);
         Objective {
             model,
+            superposition: Superposition::new(&description),
+            own_channels: own_channels(&description),
             description,
             learn,
             held_out,
@@ -236,11 +263,13 @@ impl<'a> Objective<'a> {
         if self.is_stopped() {
             return points.iter().map(|_| Err(Cancelled.into())).collect();
         }
-        let of_log = |&log: &usize| points.iter().map(move |u| ResidualRequest::of(u, log));
-        let requests: Vec<ResidualRequest> = which.iter().flat_map(of_log).collect();
-        self.rollouts.fetch_add(requests.len(), Ordering::Relaxed);
-        let parts =
-            each(self.model, self.description.batch_size, &requests, step, &|log, residual| self.known(log, residual));
+        let of_log = |&log: &usize| points.iter().map(move |u| (u.as_slice(), log));
+        let requests: Vec<(&[f64], usize)> = which.iter().flat_map(of_log).collect();
+        let parts = if self.superposition.is_empty() || step != self.step() {
+            self.simulated(&requests, step, &|log, residual| self.known(log, residual))
+        } else {
+            self.added_up(&requests)
+        };
         let mut residuals: Vec<Result<ResidualVector, WorldError>> = points.iter().map(|_| Ok(Vec::new())).collect();
         for (k, part) in parts.into_iter().enumerate() {
             let of_point = &mut residuals[k % points.len()];
@@ -251,6 +280,28 @@ impl<'a> Objective<'a> {
             }
         }
         residuals
+    }
+
+    /// Simulates points in logs, and applies `convert` to each log and residual.
+    fn simulated<T: Send>(
+        &self,
+        points: &[(&[f64], usize)],
+        step: TimeStep,
+        convert: &(dyn Fn(usize, Result<Vec<f64>, WorldError>) -> T + Sync),
+    ) -> Vec<T> {
+        let requests: Vec<ResidualRequest> = points.iter().map(|(u, log)| ResidualRequest::of(u, *log)).collect();
+        self.rollouts.fetch_add(requests.len(), Ordering::Relaxed);
+        each(self.model, self.description.batch_size, &requests, step, convert)
+    }
+
+    /// Residuals at points in logs, where most are sums of what is known.
+    fn added_up(&self, points: &[(&[f64], usize)]) -> Vec<Result<ResidualVector, WorldError>> {
+        let simulate = |points: &[(Vec<f64>, usize)]| {
+            let points: Vec<(&[f64], usize)> = points.iter().map(|(u, log)| (u.as_slice(), *log)).collect();
+            self.simulated(&points, self.step(), &|_, residual| residual)
+        };
+        let residuals = self.superposition.residuals(self, points, &simulate);
+        points.iter().zip(residuals).map(|((_, log), residual)| self.known(*log, residual)).collect()
     }
 
     /// The residual of a log with the response to its start state projected out; missing samples are zero.
@@ -310,6 +361,19 @@ impl<'a> Objective<'a> {
         let beyond = extrapolation(self.description.order);
         halved.iter().zip(usual).map(|(h, r)| (beyond * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()
     }
+}
+
+/// For each parameter of what acts in one joint of a prescribed motion, the channels in which it shows.
+fn own_channels(description: &ModelDescription) -> HashMap<usize, Vec<String>> {
+    if !description.is_decoupled {
+        return HashMap::new();
+    }
+    let candidates = description.candidates.iter().zip(&description.candidate_channels);
+    let of_candidates = candidates.flat_map(|(candidate, near)| candidate.parameters().map(move |k| (k, near)));
+    let laws = description.law_terms.iter().flat_map(|law| law.term.parameters().map(|k| (k, &law.channels)));
+    let additive = description.additive.iter().map(|additive| (additive.parameter, &additive.channels));
+    let all = of_candidates.chain(laws).chain(additive);
+    all.filter(|(_, near)| !near.is_empty()).map(|(parameter, near)| (parameter, near.clone())).collect()
 }
 
 #[cfg(test)]

@@ -54,7 +54,7 @@ impl FitPoint {
     /// should fall.
     fn settling_step(&self, objective: &Objective) -> Option<(FitPoint, f64)> {
         let (parameters, jacobian) = (objective.parameters(), self.jacobian.as_ref()?);
-        let (straight, pinned) = self.bounded_step(parameters, jacobian)?;
+        let (straight, pinned) = self.bounded_step(objective, jacobian)?;
         let predicted = self.predicted_fall(parameters, jacobian, &straight);
         let bend = self.bend(objective, jacobian, &straight, &pinned);
         let curved = bend.map(|bend| SHARES.map(|share| &straight * share + &bend * share.powi(2)));
@@ -89,10 +89,11 @@ impl FitPoint {
     /// solved again.
     fn bounded_step(
         &self,
-        parameters: &[FitParameter],
+        objective: &Objective,
         jacobian: &DMatrix<f64>,
     ) -> Option<(DVector<f64>, Vec<Option<f64>>)> {
-        let normal = self.quadratic_model(parameters, jacobian);
+        let parameters = objective.parameters();
+        let normal = self.quadratic_model(objective, jacobian);
         let mut pinned: Vec<Option<f64>> = vec![None; self.active.len()];
         loop {
             let step = normal.step(0.0, &pinned)?;
@@ -129,7 +130,7 @@ impl FitPoint {
         let second = DVector::from_fn(here.len(), |row, _| second(row));
         let held: Vec<Option<f64>> = pinned.iter().map(|pinned| pinned.map(|_| 0.0)).collect();
         let gradient = jacobian.tr_mul(&second);
-        let bend = QuadraticModel { gradient, ..self.quadratic_model(parameters, jacobian) }.step(0.0, &held)?;
+        let bend = QuadraticModel { gradient, ..self.quadratic_model(objective, jacobian) }.step(0.0, &held)?;
         (bend.norm() < BENT * step.norm()).then_some(bend)
     }
 }

@@ -1,6 +1,7 @@
 //! Bounded least squares with priors: the Levenberg-Marquardt method on finite differences, with Broyden updates
 //! between Jacobians, because a Jacobian costs a rollout per parameter and log.
 
+use super::blocks;
 use super::objective::{LogSet, Objective};
 use super::residual_vector::{ResidualVector, chi, corrected, squares};
 use crate::residual_model::FitParameter;
@@ -189,7 +190,7 @@ impl FitPoint {
     fn step(&self, objective: &Objective, damping: f64) -> Option<FitPoint> {
         let parameters = objective.parameters();
         let jacobian = self.jacobian.as_ref()?;
-        let step = self.direction(parameters, jacobian, damping)?;
+        let step = self.direction(parameters, &self.quadratic_model(objective, jacobian), damping)?;
         let mut u = self.u.clone();
         for (k, &parameter) in self.active.iter().enumerate() {
             u[parameter] = parameters[parameter].clamp(u[parameter] + step[k]);
@@ -212,15 +213,14 @@ impl FitPoint {
             DVector::from_iterator(next.residual.len(), next.residual.iter().zip(&self.residual).map(|(a, b)| a - b));
         let difference = change - jacobian * &moved;
         let mut updated = jacobian.clone();
-        updated.ger(1.0 / moved.norm_squared(), &difference, &moved, 1.0);
+        blocks::update(&mut updated, &difference, &moved, &objective.blocks(&self.active));
         next.jacobian = Some(updated);
         Some(next)
     }
 
     /// The damped Gauss-Newton step in the parameters that are not held at a bound. A parameter is held where the
     /// step would carry it over its bound; the gradient alone does not show that where parameters are correlated.
-    fn direction(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>, damping: f64) -> Option<DVector<f64>> {
-        let normal = self.quadratic_model(parameters, jacobian);
+    fn direction(&self, parameters: &[FitParameter], normal: &QuadraticModel, damping: f64) -> Option<DVector<f64>> {
         let mut held = vec![None; self.active.len()];
         loop {
             let step = normal.step(damping, &held)?;
@@ -237,9 +237,19 @@ impl FitPoint {
     }
 
     /// The local quadratic model of half the cost.
-    pub(crate) fn quadratic_model(&self, parameters: &[FitParameter], jacobian: &DMatrix<f64>) -> QuadraticModel {
-        let mut curvature = jacobian.tr_mul(jacobian);
-        let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&self.residual));
+    pub(crate) fn quadratic_model(&self, objective: &Objective, jacobian: &DMatrix<f64>) -> QuadraticModel {
+        let blocks = objective.blocks(&self.active);
+        let residual = DVector::from_column_slice(&self.residual);
+        let (curvature, gradient) = (blocks::curvature(jacobian, &blocks), jacobian.tr_mul(&residual));
+        self.with_priors(objective.parameters(), curvature, gradient)
+    }
+
+    fn with_priors(
+        &self,
+        parameters: &[FitParameter],
+        mut curvature: DMatrix<f64>,
+        mut gradient: DVector<f64>,
+    ) -> QuadraticModel {
         for (k, &parameter) in self.active.iter().enumerate() {
             let information = parameters[parameter].prior_sd().powi(-2);
             curvature[(k, k)] += information;
@@ -282,7 +292,12 @@ mod tests {
             jacobian: None,
             fresh: false,
         };
-        let step = |most: [f64; 2]| fit.direction(&most.map(parameter), &jacobian, 0.0).map(|step| (step[0], step[1]));
+        let gradient = jacobian.tr_mul(&DVector::from_column_slice(&fit.residual));
+        let step = |most: [f64; 2]| {
+            let parameters = most.map(parameter);
+            let normal = fit.with_priors(&parameters, jacobian.tr_mul(&jacobian), gradient.clone());
+            fit.direction(&parameters, &normal, 0.0).map(|step| (step[0], step[1]))
+        };
         assert!(step([1.0, 9.0]).is_some_and(|(first, second)| first < 0.0 && second > 0.0));
         assert_eq!(step([1.0, 1.0]), Some((0.0, 0.0)));
     }

@@ -3,10 +3,24 @@
 use super::candidate::{EffectCandidate, LawTerm};
 use super::log::{LogStart, RecordedLog};
 use super::parameter::FitParameter;
+use std::sync::Arc;
 
 /// Largest error, in multiples of the noise floor, of a residual that counts as noise. Above it the residual has
 /// structure, and intervals would be too narrow.
 pub const NOISE: f64 = 1.15;
+
+/// A parameter whose coordinate changes the residual in proportion, by an amount that depends on its shapes alone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AdditiveParameter {
+    /// The parameter, as an index.
+    pub parameter: usize,
+    /// Parameters that shape its response. They do nothing where it, and all others that they shape, are 0.
+    pub shapes: Vec<usize>,
+    /// Names of the channels in which it shows.
+    pub channels: Vec<String>,
+    /// Parameters that change its response where they are not 0.
+    pub unless: Arc<[usize]>,
+}
 
 /// The parameters, candidates and logs of a residual model, and how to simulate it.
 ///
@@ -23,6 +37,8 @@ pub struct ModelDescription {
     /// For each candidate, names of the channels that it mainly affects; empty where it affects all. The first
     /// screening tries candidates that affect different channels in one rollout.
     pub candidate_channels: Vec<Vec<String>>,
+    /// Parameters to which the residual is proportional: their responses are simulated once and added up from then on.
+    pub additive: Vec<AdditiveParameter>,
     /// Terms of laws. Those with the same site and the same quantity are adjacent.
     pub law_terms: Vec<LawTerm>,
     /// The logs; training logs first.
@@ -64,6 +80,7 @@ impl ModelDescription {
             parameters,
             candidates: Vec::new(),
             candidate_channels: Vec::new(),
+            additive: Vec::new(),
             law_terms: Vec::new(),
             clocks_s: vec![Vec::new(); logs.len()],
             measured: vec![Vec::new(); logs.len()],

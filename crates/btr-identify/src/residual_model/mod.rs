@@ -15,7 +15,7 @@ mod request;
 
 pub use btr_core::world::TimeStep;
 pub use candidate::{CandidateKind, EffectCandidate, LawTerm, Needs, Ripple};
-pub use description::{ModelDescription, NOISE};
+pub use description::{AdditiveParameter, ModelDescription, NOISE};
 pub use log::{LogStart, MeasuredChannel, RecordedLog, StartNumber};
 pub use parameter::{FitParameter, Parametrisation};
 pub use request::{Derivation, MovedStart, ResidualRequest};

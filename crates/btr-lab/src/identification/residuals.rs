@@ -28,6 +28,7 @@ impl ResidualModel for IdentificationProblem {
             free: self.free.clone(),
             candidates: self.candidates.clone(),
             candidate_channels: self.near.clone(),
+            additive: self.additive(),
             law_terms: self.features.clone(),
             clocks_s: (0..self.logs.len()).map(clock).collect(),
             measured: (0..self.logs.len()).map(|log| self.measured_values(log)).collect(),

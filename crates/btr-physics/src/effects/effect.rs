@@ -26,7 +26,7 @@ pub enum SiteKind {
 
 impl SiteKind {
     /// Whether effects at these sites act through joints.
-    pub(crate) fn is_on_joints(self) -> bool {
+    pub fn is_on_joints(self) -> bool {
         matches!(self, SiteKind::Joint | SiteKind::Robot)
     }
 }
@@ -40,6 +40,17 @@ pub enum DryFriction {
     Adds,
     /// It changes how that of others acts, and does nothing where there is none.
     Changes,
+}
+
+/// What an effect's torque depends on at a joint whose motion is prescribed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TorqueLaw {
+    /// On its joints' motion and its own parameters alone, in proportion to those that are no shapes.
+    Proportional,
+    /// On its joints' motion and its own parameters alone.
+    OfMotion,
+    /// On more, such as the motor's torque or other effects.
+    Other,
 }
 
 /// A parameter of an effect.
@@ -147,6 +158,10 @@ pub trait Effect: Sync {
     /// What it has to do with the dry friction of its joint.
     fn dry_friction(&self) -> DryFriction {
         DryFriction::Unrelated
+    }
+    /// What its torque depends on where the motion is prescribed.
+    fn torque_law(&self) -> TorqueLaw {
+        TorqueLaw::Other
     }
     /// The quantities of neighbouring joints that it uses.
     fn neighbours(&self) -> &[NeighbourQuantity] {

@@ -6,7 +6,7 @@ mod formula;
 mod readings;
 mod rotor;
 
-pub use effect::{DryFriction, Effect, EffectSpec, MissingNeighbour, Param, PlacedEffect, SiteKind};
+pub use effect::{DryFriction, Effect, EffectSpec, MissingNeighbour, Param, PlacedEffect, SiteKind, TorqueLaw};
 pub use formula::error::FormulaError;
 pub use formula::law::{LawFunction, LawInputs, Laws};
 pub use formula::{FORMULA, FormulaTarget, formula, formula_or_function};

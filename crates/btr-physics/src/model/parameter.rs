@@ -50,6 +50,19 @@ impl Target {
         &self.name
     }
 
+    /// The effect whose parameter it is, and which one; `None` for a value of the robot and for a formula's.
+    pub fn of_effect(&self) -> Option<(&'static dyn Effect, usize)> {
+        match self.quantity {
+            Quantity::Effect(effect, param) => Some((effect, param)),
+            _ => None,
+        }
+    }
+
+    /// The links at its site; for quantities of joints, the links that these carry.
+    pub fn links(&self) -> &[usize] {
+        &self.links
+    }
+
     /// SI unit as text.
     pub fn unit(&self) -> &'static str {
         match self.quantity {

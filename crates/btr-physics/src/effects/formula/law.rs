@@ -97,6 +97,15 @@ impl Law {
         }
     }
 
+    /// Whether it depends on motion and time alone; of a function, this is not known.
+    pub(super) fn is_of_motion(&self) -> bool {
+        let torque = VARIABLES.iter().position(|name| *name == "tau");
+        match self {
+            Law::Expression(expression) => torque.is_none_or(|torque| !expression.has(torque)),
+            Law::Function(_) => false,
+        }
+    }
+
     /// Value of the law; NaN where it has none.
     pub(super) fn at(&self, params: &[Param], p: &[f64], inputs: &ExpressionInputs) -> f64 {
         let ExpressionInputs { own, neighbours } = inputs;

@@ -10,7 +10,7 @@ pub(super) mod error;
 mod expression;
 pub(super) mod law;
 
-use super::effect::{Effect, EffectSpec, Param, SiteKind};
+use super::effect::{Effect, EffectSpec, Param, SiteKind, TorqueLaw};
 use crate::actuation::{JointInput, NeighbourQuantity};
 use crate::engine::{Affine, Dof};
 use btr_core::log::Log;
@@ -161,6 +161,11 @@ fn law_inputs<'a>(memory: &mut [f64], state: &JointInput<'a>) -> ExpressionInput
 impl Effect for Formula {
     fn spec(&self) -> &'static EffectSpec {
         self.spec
+    }
+
+    fn torque_law(&self) -> TorqueLaw {
+        let of_motion = self.law.is_of_motion() && self.neighbours.iter().all(|quantity| !quantity.is_torque());
+        if self.on == FormulaTarget::Torque && of_motion { TorqueLaw::OfMotion } else { TorqueLaw::Other }
     }
 
     fn neighbours(&self) -> &[NeighbourQuantity] {

@@ -4,7 +4,7 @@
 //! the mean of the two, and half their difference acts as a constant torque.
 
 use crate::actuation::JointInput;
-use crate::effects::effect::{DryFriction, Effect, EffectSpec, Param, SiteKind};
+use crate::effects::effect::{DryFriction, Effect, EffectSpec, Param, SiteKind, TorqueLaw};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct AsymmetricFriction;
@@ -29,6 +29,10 @@ static SPEC: EffectSpec = EffectSpec {
 impl Effect for AsymmetricFriction {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
+    }
+
+    fn torque_law(&self) -> TorqueLaw {
+        TorqueLaw::Proportional
     }
 
     fn dry_friction(&self) -> DryFriction {

@@ -1,6 +1,6 @@
 //! Coulomb friction: a constant torque against the motion, and up to that torque at rest.
 
-use crate::effects::effect::{DryFriction, Effect, EffectSpec, Param, SiteKind};
+use crate::effects::effect::{DryFriction, Effect, EffectSpec, Param, SiteKind, TorqueLaw};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct CoulombFriction;
@@ -21,6 +21,10 @@ static SPEC: EffectSpec = EffectSpec {
 impl Effect for CoulombFriction {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
+    }
+
+    fn torque_law(&self) -> TorqueLaw {
+        TorqueLaw::Proportional
     }
 
     fn dry_friction(&self) -> DryFriction {

@@ -2,7 +2,7 @@
 //! harmonic drives do so over milliradians.
 
 use crate::actuation::JointInput;
-use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind, TorqueLaw};
 use crate::engine::{Affine, Dof};
 
 pub(in crate::effects) struct PreslidingFriction;
@@ -24,6 +24,10 @@ static SPEC: EffectSpec = EffectSpec {
 impl Effect for PreslidingFriction {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
+    }
+
+    fn torque_law(&self) -> TorqueLaw {
+        TorqueLaw::OfMotion
     }
 
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {

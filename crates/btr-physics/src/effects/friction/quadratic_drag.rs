@@ -1,7 +1,7 @@
 //! Drag that grows with the square of the speed: air, water, churned grease.
 
 use crate::actuation::JointInput;
-use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind, TorqueLaw};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct QuadraticDrag;
@@ -21,6 +21,10 @@ static SPEC: EffectSpec = EffectSpec {
 impl Effect for QuadraticDrag {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
+    }
+
+    fn torque_law(&self) -> TorqueLaw {
+        TorqueLaw::Proportional
     }
 
     fn torque(&self, p: &[f64], _memory: &mut [f64], dof: &mut Dof, state: &JointInput) {

@@ -4,7 +4,7 @@
 //! below the breakaway torque.
 
 use crate::actuation::JointInput;
-use crate::effects::effect::{DryFriction, Effect, EffectSpec, Param, SiteKind};
+use crate::effects::effect::{DryFriction, Effect, EffectSpec, Param, SiteKind, TorqueLaw};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct StribeckFriction;
@@ -28,6 +28,10 @@ static SPEC: EffectSpec = EffectSpec {
 impl Effect for StribeckFriction {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
+    }
+
+    fn torque_law(&self) -> TorqueLaw {
+        TorqueLaw::OfMotion
     }
 
     fn dry_friction(&self) -> DryFriction {

@@ -1,6 +1,6 @@
 //! Viscous friction: a torque against the motion, proportional to its speed.
 
-use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind, TorqueLaw};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct ViscousFriction;
@@ -20,6 +20,10 @@ static SPEC: EffectSpec = EffectSpec {
 impl Effect for ViscousFriction {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
+    }
+
+    fn torque_law(&self) -> TorqueLaw {
+        TorqueLaw::Proportional
     }
 
     fn joint(&self, p: &[f64], dof: &mut Dof) {

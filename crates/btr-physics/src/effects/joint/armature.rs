@@ -1,6 +1,6 @@
 //! Rotor inertia reflected to the joint: the geared rotor's inertia times the squared ratio.
 
-use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind, TorqueLaw};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct Armature;
@@ -21,6 +21,10 @@ static SPEC: EffectSpec = EffectSpec {
 impl Effect for Armature {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
+    }
+
+    fn torque_law(&self) -> TorqueLaw {
+        TorqueLaw::Proportional
     }
 
     fn joint(&self, p: &[f64], dof: &mut Dof) {

@@ -2,7 +2,7 @@
 //! eccentric gear.
 
 use crate::actuation::JointInput;
-use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind, TorqueLaw};
 use crate::engine::Dof;
 use std::f64::consts::PI;
 
@@ -51,6 +51,10 @@ static SPEC: EffectSpec = EffectSpec {
 impl Effect for Cogging {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
+    }
+
+    fn torque_law(&self) -> TorqueLaw {
+        TorqueLaw::Proportional
     }
 
     /// Magnets, slots, and every stage of a gear have orders of their own.

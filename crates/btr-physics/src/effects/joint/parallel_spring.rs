@@ -1,6 +1,6 @@
 //! Spring in parallel with the motor: a balancing spring, a bent cable bundle.
 
-use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind, TorqueLaw};
 use crate::engine::Dof;
 
 pub(in crate::effects) struct ParallelSpring;
@@ -20,6 +20,10 @@ static SPEC: EffectSpec = EffectSpec {
 impl Effect for ParallelSpring {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
+    }
+
+    fn torque_law(&self) -> TorqueLaw {
+        TorqueLaw::Proportional
     }
 
     fn joint(&self, p: &[f64], dof: &mut Dof) {

@@ -1,0 +1,220 @@
+//! Residuals as sums. Where the motion is prescribed, friction, a rotor or a ripple at a joint adds a torque that is
+//! proportional to its amplitude ([`AdditiveParameter`]): its response is simulated once, and from then on scaled and
+//! added. What is left, the residual with all of these off, is simulated once for each point of the other parameters.
+//!
+//! A sum equals the simulation but for rounding, and has the same bits whatever was kept before.
+
+use super::objective::Objective;
+use super::rollouts::{rows_near, shared};
+use crate::residual_model::{AdditiveParameter, ModelDescription, RecordedLog};
+use btr_core::world::WorldError;
+use rayon::prelude::*;
+use std::collections::{HashMap, HashSet};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// How many numbers are kept, in all residuals and responses (256 MiB).
+const MOST_KEPT: usize = 1 << 25;
+
+/// A simulated residual or response, or why there is none.
+type Simulated = Result<Arc<Vec<f64>>, WorldError>;
+/// Simulates points in logs.
+pub(super) type Simulate<'a> = dyn Fn(&[(Vec<f64>, usize)]) -> Vec<Result<Vec<f64>, WorldError>> + 'a;
+
+/// What has to be simulated: the bits of coordinates make it exact.
+#[derive(Clone, PartialEq, Eq, Hash)]
+enum Key {
+    /// The residual in a log at a point.
+    Rest { log: usize, u: Vec<u64> },
+    /// The response in a log to an additive parameter, at some shapes.
+    Response { log: usize, index: usize, shapes: Vec<u64> },
+}
+
+/// A residual in parts: the rest, and responses with their coordinates.
+struct Parts {
+    log: usize,
+    rest: Vec<f64>,
+    /// Indices of additive parameters.
+    added: Vec<usize>,
+}
+
+/// Additive parameters, and what was simulated of them.
+#[derive(Default)]
+pub(super) struct Superposition {
+    additive: Vec<AdditiveParameter>,
+    kept: Mutex<HashMap<Key, Simulated>>,
+}
+
+impl Superposition {
+    pub(super) fn new(description: &ModelDescription) -> Self {
+        Superposition { additive: description.additive.clone(), kept: Mutex::default() }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.additive.is_empty()
+    }
+
+    /// The residuals at points in logs.
+    pub(super) fn residuals(
+        &self,
+        objective: &Objective,
+        points: &[(&[f64], usize)],
+        simulate: &Simulate,
+    ) -> Vec<Result<Vec<f64>, WorldError>> {
+        let parts: Vec<Parts> = points.iter().map(|(u, log)| self.parts(u, *log)).collect();
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if kept.values().flatten().map(|numbers| numbers.len()).sum::<usize>() > MOST_KEPT {
+            kept.clear();
+        }
+        let rests =
+            parts.iter().map(Parts::key).chain(parts.iter().map(|part| Parts::off(part.log, part.rest.len()).key()));
+        simulate_rests(&mut kept, rests.collect(), simulate);
+        let responses = parts
+            .iter()
+            .zip(points)
+            .flat_map(|(part, (u, _))| part.added.iter().map(|&index| self.response(part.log, index, u)));
+        self.simulate_responses(objective, &mut kept, responses.collect(), simulate);
+        let sum = |(part, (u, _)): (&Parts, &(&[f64], usize))| self.sum(objective, &kept, part, u);
+        parts.par_iter().zip(points).map(sum).collect()
+    }
+
+    /// Takes out of a point what is additive there.
+    fn parts(&self, u: &[f64], log: usize) -> Parts {
+        let (mut rest, mut added) = (u.to_vec(), Vec::new());
+        for (index, additive) in self.additive.iter().enumerate() {
+            if additive.unless.iter().all(|&other| u[other] == 0.0) {
+                if u[additive.parameter] != 0.0 {
+                    added.push(index);
+                }
+                rest[additive.parameter] = 0.0;
+                additive.shapes.iter().for_each(|&shape| rest[shape] = 0.0);
+            }
+        }
+        Parts { log, rest, added }
+    }
+
+    fn response(&self, log: usize, index: usize, u: &[f64]) -> Key {
+        Key::Response {
+            log,
+            index,
+            shapes: self.additive[index].shapes.iter().map(|&shape| u[shape].to_bits()).collect(),
+        }
+    }
+
+    /// Simulates responses that are not known, those of different channels together.
+    fn simulate_responses(
+        &self,
+        objective: &Objective,
+        kept: &mut HashMap<Key, Simulated>,
+        keys: Vec<Key>,
+        simulate: &Simulate,
+    ) {
+        let missing = missing(kept, keys);
+        let mut probes: Vec<(Vec<f64>, usize, Vec<&Key>)> = Vec::new();
+        for log in 0..objective.description.logs.len() {
+            let of_log: Vec<(&Key, &AdditiveParameter, &Vec<u64>)> = missing
+                .iter()
+                .filter_map(|key| match key {
+                    Key::Response { log: of, index, shapes } if *of == log => {
+                        Some((key, &self.additive[*index], shapes))
+                    }
+                    _ => None,
+                })
+                .collect();
+            for group in shared(of_log.iter().map(|(_, additive, _)| additive.channels.as_slice())) {
+                let mut u = vec![0.0; objective.parameters().len()];
+                for &member in &group {
+                    let (_, additive, shapes) = of_log[member];
+                    u[additive.parameter] = unit(objective, additive.parameter);
+                    additive.shapes.iter().zip(shapes).for_each(|(&shape, bits)| u[shape] = f64::from_bits(*bits));
+                }
+                probes.push((u, log, group.into_iter().map(|member| of_log[member].0).collect()));
+            }
+        }
+        let residuals = simulate(&probes.iter().map(|(u, log, _)| (u.clone(), *log)).collect::<Vec<_>>());
+        for ((_, log, keys), residual) in probes.iter().zip(residuals) {
+            let off = kept.get(&Parts::off(*log, objective.parameters().len()).key()).cloned();
+            for &key in keys {
+                let response = match (&residual, &off) {
+                    (Ok(with), Some(Ok(off))) => Ok(Arc::new(self.change(objective, key, with, off))),
+                    (Err(error), _) | (_, Some(Err(error))) => Err(error.clone()),
+                    (Ok(_), None) => continue,
+                };
+                kept.insert(key.clone(), response);
+            }
+        }
+    }
+
+    /// The change of the residual for a unit of an additive parameter, in the rows where it shows.
+    fn change(&self, objective: &Objective, key: &Key, with: &[f64], off: &[f64]) -> Vec<f64> {
+        let Key::Response { log, index, .. } = key else { return Vec::new() };
+        let additive = &self.additive[*index];
+        let unit = unit(objective, additive.parameter);
+        let change = |row: usize| (with[row] - off[row]) / unit;
+        // What was not measured has no response.
+        let finite = |x: f64| if x.is_finite() { x } else { 0.0 };
+        rows(objective, *log, additive).map(|row| finite(change(row))).collect()
+    }
+
+    fn sum(
+        &self,
+        objective: &Objective,
+        kept: &HashMap<Key, Simulated>,
+        part: &Parts,
+        u: &[f64],
+    ) -> Result<Vec<f64>, WorldError> {
+        let known = |key: &Key| {
+            let unanswered = || WorldError::Setup { what: "the residual model did not answer".to_owned() };
+            kept.get(key).cloned().unwrap_or_else(|| Err(unanswered()))
+        };
+        let mut residual = known(&part.key())?.to_vec();
+        for &index in &part.added {
+            let (additive, response) = (&self.additive[index], known(&self.response(part.log, index, u))?);
+            let coordinate = u[additive.parameter];
+            rows(objective, part.log, additive)
+                .zip(response.iter())
+                .for_each(|(row, r)| residual[row] += coordinate * r);
+        }
+        Ok(residual)
+    }
+}
+
+impl Parts {
+    /// The point where everything is off.
+    fn off(log: usize, parameters: usize) -> Parts {
+        Parts { log, rest: vec![0.0; parameters], added: Vec::new() }
+    }
+
+    fn key(&self) -> Key {
+        Key::Rest { log: self.log, u: self.rest.iter().map(|x| x.to_bits()).collect() }
+    }
+}
+
+/// Simulates rests that are not known.
+fn simulate_rests(kept: &mut HashMap<Key, Simulated>, keys: Vec<Key>, simulate: &Simulate) {
+    let missing = missing(kept, keys);
+    let point = |key: &Key| match key {
+        Key::Rest { log, u } => (u.iter().copied().map(f64::from_bits).collect(), *log),
+        Key::Response { log, .. } => (Vec::new(), *log),
+    };
+    let residuals = simulate(&missing.iter().map(point).collect::<Vec<_>>());
+    kept.extend(missing.into_iter().zip(residuals.into_iter().map(|residual| residual.map(Arc::new))));
+}
+
+/// Those of some keys that are not known, each once.
+fn missing(kept: &HashMap<Key, Simulated>, keys: Vec<Key>) -> Vec<Key> {
+    let mut seen = HashSet::new();
+    keys.into_iter().filter(|key| !kept.contains_key(key) && seen.insert(key.clone())).collect()
+}
+
+/// The coordinate at which the response to a parameter is simulated.
+fn unit(objective: &Objective, parameter: usize) -> f64 {
+    let parameter = &objective.parameters()[parameter];
+    let unit = parameter.clamp(1.0);
+    if unit == 0.0 { parameter.clamp(-1.0) } else { unit }
+}
+
+/// The rows of a log's residual in which a parameter shows.
+fn rows(objective: &Objective, log: usize, additive: &AdditiveParameter) -> impl Iterator<Item = usize> {
+    let log: &RecordedLog = &objective.description.logs[log];
+    rows_near(log, &additive.channels).into_iter().flatten()
+}

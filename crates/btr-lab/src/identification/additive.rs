@@ -1,0 +1,121 @@
+//! Parameters that only add a torque to that of a prescribed motion.
+
+use super::problem::{Change, IdentificationProblem};
+use btr_identify::residual_model::{AdditiveParameter, Parametrisation};
+use btr_physics::effects::{Effect, FormulaTarget, SiteKind, TorqueLaw};
+use btr_physics::robot::Joint;
+use btr_physics::robot::site::matches;
+use std::sync::Arc;
+
+/// Parameters of one placed effect: those that it is proportional to, and its shapes.
+struct Group {
+    law: TorqueLaw,
+    amplitudes: Vec<usize>,
+    shapes: Vec<usize>,
+}
+
+impl IdentificationProblem {
+    /// The parameters to which the torques of a prescribed motion are proportional: those of frictions, rotors, springs
+    /// and ripples at one joint, and of laws. None at a joint with an effect that depends on the torque.
+    pub(super) fn additive(&self) -> Vec<AdditiveParameter> {
+        if !self.model.robot.is_prescribed() {
+            return Vec::new();
+        }
+        let everywhere = self.changing_the_motion();
+        let joints = self.model.robot.movable().enumerate().map(|(_, (link, of))| (link, &of.joint));
+        joints.flat_map(|(link, joint)| self.additive_at(link, joint, &everywhere)).collect()
+    }
+
+    fn additive_at(&self, link: usize, joint: &Joint, everywhere: &[usize]) -> Vec<AdditiveParameter> {
+        let depends = |effect: &dyn Effect| effect.torque_law() == TorqueLaw::Other && !effect.changes_readings();
+        let on_joints = self.model.effects.iter().filter(|placed| placed.effect.spec().site.is_on_joints());
+        if on_joints.filter(|placed| matches(&placed.site, &joint.name)).any(|placed| depends(placed.effect)) {
+            return Vec::new();
+        }
+        let channels = vec![joint.compared()];
+        let groups = self.groups(link, &channels);
+        let others = groups.iter().filter(|group| group.law == TorqueLaw::Other).flat_map(|group| &group.amplitudes);
+        let unless: Arc<[usize]> = everywhere.iter().chain(others).copied().collect();
+        let proportional = groups.iter().filter(|group| group.law == TorqueLaw::Proportional);
+        let additive = |group: &Group| {
+            let linear = |k: &&usize| self.parameters[**k].law == Parametrisation::Linear;
+            if group.amplitudes.iter().any(|k| !linear(&k)) {
+                return Vec::new();
+            }
+            let of = |&parameter: &usize| AdditiveParameter {
+                parameter,
+                shapes: group.shapes.clone(),
+                channels: channels.clone(),
+                unless: unless.clone(),
+            };
+            group.amplitudes.iter().map(of).collect()
+        };
+        proportional.flat_map(additive).collect()
+    }
+
+    /// Everything that may act at one joint alone.
+    fn groups(&self, link: usize, channels: &[String]) -> Vec<Group> {
+        let here = self.candidates.iter().zip(&self.changes).zip(&self.near).filter(|(_, near)| *near == channels);
+        let candidates = here.map(|((candidate, change), _)| Group {
+            law: match change {
+                Change::Effect(effect) => effect.torque_law(),
+                Change::Values(_) => TorqueLaw::Other,
+            },
+            amplitudes: candidate.amplitudes.clone(),
+            shapes: candidate.shapes.clone(),
+        });
+        let terms = self.features.iter().zip(&self.terms).filter(|(feature, _)| feature.channels == channels);
+        let laws = terms.map(|(feature, (term, effect))| Group {
+            // A term is a sum of factors, each times an amplitude.
+            law: match effect.torque_law() {
+                TorqueLaw::OfMotion if term.on == FormulaTarget::Torque => TorqueLaw::Proportional,
+                other => other,
+            },
+            amplitudes: feature.term.amplitudes.clone(),
+            shapes: feature.term.shapes.clone(),
+        });
+        candidates.chain(laws).chain(self.own_groups(link)).collect()
+    }
+
+    /// The model's own parameters of effects at one joint alone. A shape among them makes its effect one that is
+    /// simulated.
+    fn own_groups(&self, link: usize) -> impl Iterator<Item = Group> {
+        let targets = self.model.targets.iter().enumerate().filter(move |(_, target)| target.links() == [link]);
+        targets.filter_map(|(k, target)| {
+            let (effect, param) = target.of_effect()?;
+            let shaped = effect.spec().params.iter().any(|param| param.shape);
+            let law = if shaped && effect.torque_law() == TorqueLaw::Proportional {
+                TorqueLaw::OfMotion
+            } else {
+                effect.torque_law()
+            };
+            (!effect.spec().params[param].shape && effect.spec().site == SiteKind::Joint).then(|| Group {
+                law,
+                amplitudes: vec![k],
+                shapes: Vec::new(),
+            })
+        })
+    }
+
+    /// Parameters of effects that change what the encoders read, and with that all motion, or that act in all joints.
+    fn changing_the_motion(&self) -> Vec<usize> {
+        let acts = |effect: &dyn Effect| effect.changes_readings() || effect.spec().site.is_on_joints();
+        let offered = self.candidates.iter().zip(&self.changes).zip(&self.near).filter(|(_, near)| near.is_empty());
+        let of_candidates = offered.filter_map(|((candidate, change), _)| match change {
+            Change::Effect(effect) => acts(*effect).then_some(&candidate.amplitudes),
+            Change::Values(targets) => {
+                let effects = targets.iter().filter_map(|target| target.of_effect());
+                effects
+                    .map(|(effect, _)| effect)
+                    .any(|effect| effect.changes_readings())
+                    .then_some(&candidate.amplitudes)
+            }
+        });
+        let own = self.model.targets.iter().enumerate().filter_map(|(k, target)| {
+            let effect = target.of_effect()?.0;
+            let in_many = effect.torque_law() == TorqueLaw::Other && target.links().len() != 1;
+            (effect.changes_readings() || in_many && acts(effect)).then_some(k)
+        });
+        of_candidates.flatten().copied().chain(own).collect()
+    }
+}
