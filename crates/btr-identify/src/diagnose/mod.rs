@@ -16,6 +16,7 @@ mod residual_law;
 mod round;
 mod screen;
 mod short_parts;
+mod split;
 mod state;
 pub mod thresholds;
 mod together;
@@ -114,13 +115,18 @@ fn go_on(
             break;
         }
         state.left_over = None;
-        match found {
+        match found.is_empty() {
             // An accepted effect is finished: stopped halfway, it would be neither fitted nor judged.
-            Some((rival, found)) => {
+            false => {
                 objective.set_stoppable(false);
-                add(objective, &mut state, rival, found, on_step);
+                for (rival, found) in found {
+                    if state.effects(objective) < question.max_effects {
+                        let rival = state.beside_others(objective, rival);
+                        add(objective, &mut state, rival, found, on_step);
+                    }
+                }
             }
-            None => match two(objective, &mut state, question, &mut second_looks) {
+            true => match two(objective, &mut state, question, &mut second_looks) {
                 Some(both) => {
                     both.ladder[state.ladder.len()..].iter().for_each(on_step);
                     state = both;
@@ -188,6 +194,9 @@ fn add(
     } else {
         state.simplify(objective, 0..left.saturating_sub(1));
         state.simplify_latest(objective);
+    }
+    if objective.description.is_decoupled {
+        state.split(objective, on_step);
     }
 }
 

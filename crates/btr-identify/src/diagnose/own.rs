@@ -1,6 +1,8 @@
 //! Errors where a candidate acts. Where the motion is prescribed, what acts in a joint shows in that joint's torque
 //! alone: whether it explains enough is then a question about this channel, however much is left in others.
 
+use super::screen;
+use super::screen::StartPoint;
 use crate::fit::measure::residual_without_step_error;
 use crate::fit::residual_vector::{chi, squares};
 use crate::fit::{FitPoint, LogSet, Objective};
@@ -20,6 +22,40 @@ pub(super) fn is_apart(objective: &Objective, candidate: usize) -> bool {
 /// Whether two candidates show in the same channels.
 pub(super) fn are_together(objective: &Objective, a: usize, b: usize) -> bool {
     channels(objective, a) == channels(objective, b)
+}
+
+/// The channels in which a joint's candidates show, one entry for each joint in the order of `of`; none where all
+/// candidates show in all.
+pub(super) fn joints<'a>(objective: &'a Objective, of: impl Iterator<Item = usize>) -> Vec<&'a [String]> {
+    let mut joints: Vec<&[String]> = Vec::new();
+    for near in of.filter_map(|candidate| channels(objective, candidate)) {
+        if !joints.contains(&near) {
+            joints.push(near);
+        }
+    }
+    joints
+}
+
+/// Whether a candidate shows in these channels alone.
+pub(super) fn shows_in(objective: &Objective, candidate: usize, joint: &[String]) -> bool {
+    channels(objective, candidate) == Some(joint)
+}
+
+/// The best start of each candidate, best first: at most `most` of all, and so many of each joint whose candidates show
+/// in its channel alone. Each joint is then a question of its own, and all are answered at once.
+pub(super) fn best(
+    objective: &Objective,
+    starts: Vec<StartPoint>,
+    (most, of_joint): (usize, usize),
+) -> Vec<StartPoint> {
+    let mut kept = screen::best(starts.clone(), most);
+    for joint in joints(objective, starts.iter().map(|start| start.candidate)) {
+        let here = starts.iter().filter(|start| shows_in(objective, start.candidate, joint)).cloned().collect();
+        let missing = |start: &StartPoint| kept.iter().all(|other| other.candidate != start.candidate);
+        let added: Vec<StartPoint> = screen::best(here, of_joint).into_iter().filter(missing).collect();
+        kept.extend(added);
+    }
+    kept
 }
 
 /// The rows of the channels where a candidate shows, in the residual of some logs; none where it shows in all.
@@ -48,9 +84,13 @@ pub(super) fn held_out(objective: &Objective, candidate: usize, u: &[f64]) -> Op
 
 /// The error of a fit on the training logs.
 pub(super) fn error(objective: &Objective, candidate: usize, fit: &FitPoint) -> f64 {
-    let samples = match channels(objective, candidate) {
+    chi(learnt(objective, candidate, fit), samples(objective, candidate))
+}
+
+/// Number of training samples where a candidate shows.
+pub(super) fn samples(objective: &Objective, candidate: usize) -> usize {
+    match channels(objective, candidate) {
         None => objective.samples(LogSet::Learn),
         Some(near) => objective.rows_near(LogSet::Learn, near).into_iter().map(|rows| rows.len()).sum(),
-    };
-    chi(learnt(objective, candidate, fit), samples)
+    }
 }

@@ -1,13 +1,16 @@
 //! Fitting the screened candidates: a few cheap steps for many, the full budget for the leaders.
 
+use super::own;
 use super::screen::{StartPoint, best, has_two_sides, simulate, simulate_worst, with};
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget, columns};
 use nalgebra::DMatrix;
 
 /// Number of candidates that start the race, and of those that are fitted with the full budget whatever their rank,
-/// unless the best explains everything and they are behind it by more than this factor of the sum of squares.
+/// unless the best explains everything and they are behind it by more than this factor of the sum of squares. Those
+/// that show in one joint's channel alone run against each other, in further places.
 const RUNNERS: usize = 8;
+const RUNNERS_OF_JOINT: usize = 3;
 const LEADERS: usize = 3;
 const BEATEN: f64 = 10.0;
 /// Candidates within this factor of the leader's sum of squares are fitted with the full budget as well, up to this
@@ -47,7 +50,14 @@ pub(super) fn race(
     starts: &[StartPoint],
     leader: Option<&FitPoint>,
 ) -> Vec<Rival> {
-    run(objective, bases, &starts[..starts.len().min(RUNNERS)], leader)
+    let (mut taken, mut runners) = (starts[..starts.len().min(RUNNERS)].to_vec(), Vec::new());
+    for joint in own::joints(objective, starts.iter().map(|start| start.candidate)) {
+        let here = |start: &&StartPoint| own::shows_in(objective, start.candidate, joint);
+        runners.extend(starts.iter().filter(here).take(RUNNERS_OF_JOINT).cloned());
+    }
+    runners.retain(|start| taken.iter().all(|other| other.candidate != start.candidate));
+    taken.extend(runners);
+    run(objective, bases, &taken, leader)
 }
 
 /// All candidates that were not fitted yet, from a typical size: where no leader explains much of the error, probes
@@ -105,18 +115,25 @@ fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader:
     sort(&mut rivals);
     let mut polished: Vec<Rival> = Vec::new();
     for mut rival in rivals {
-        let best = polished.iter().map(|r| &r.fit).chain(leader).map(FitPoint::squares).fold(f64::INFINITY, f64::min);
-        let explains = chi(best, objective.samples(LogSet::Learn)) <= objective.noise_bound();
-        let most = match rival.fit.squares() / best {
+        let against: Vec<&FitPoint> = polished
+            .iter()
+            .filter(|r| own::are_together(objective, r.candidate, rival.candidate))
+            .map(|r| &r.fit)
+            .collect();
+        let left = |fit: &FitPoint| own::learnt(objective, rival.candidate, fit);
+        let best = against.iter().copied().chain(leader).map(left).fold(f64::INFINITY, f64::min);
+        let explains = chi(best, own::samples(objective, rival.candidate)) <= objective.noise_bound();
+        let most = match left(&rival.fit) / best {
             behind if behind <= CLOSE => MOST,
             behind if behind > BEATEN && explains => 0,
             _ => LEADERS,
         };
-        if polished.len() < most {
+        if against.len() < most {
             rival.fit.jacobian = None;
-            rival.fit.solve(objective, if polished.is_empty() { LEADER } else { FOLLOWER });
+            rival.fit.solve(objective, if against.is_empty() { LEADER } else { FOLLOWER });
+
             // With contact every rollout is slow, and this rarely changes the order.
-            if !objective.description.is_chaotic || rival.fit.squares() <= best {
+            if !objective.description.is_chaotic || left(&rival.fit) <= best {
                 reshape(objective, &mut rival);
             }
             polished.push(rival);

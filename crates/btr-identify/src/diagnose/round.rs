@@ -2,6 +2,7 @@
 //! whether it is accepted.
 
 use super::judge::judge_rivals;
+use super::own;
 use super::refit::{Rival, last_chance, last_chance_of_the_best, race};
 use super::report::{DiagnoseOptions, MissingEffect};
 use super::screen::{StartPoint, screen};
@@ -56,18 +57,22 @@ impl SecondLooks {
     }
 }
 
+/// A rival that is accepted, with what is to be said of it.
+pub(super) type Accepted = (Rival, MissingEffect);
+
 /// Screens, races and judges; the winner if it is accepted. Where what acts in a joint shows in its own channel alone,
-/// held-out logs that contradict the leader at one joint say nothing about the others, which are then tried without it;
-/// and what is found at others changes nothing at that joint, which is not tried again.
+/// the winners at other joints come with it; held-out logs that contradict the leader at one joint say nothing about
+/// the others, which are then tried without it; and what is found at others changes nothing at that joint, which is not
+/// tried again.
 pub(super) fn round(
     objective: &mut Objective,
     state: &mut DiagnosisState,
     second_looks: &mut SecondLooks,
-) -> Option<(Rival, MissingEffect)> {
+) -> Vec<Accepted> {
     let mut offered = state.offered(objective);
     offered.retain(|&candidate| !state.contradicted.contains(&objective.candidates()[candidate].site));
     let found = attempt(objective, state, second_looks, &offered);
-    if found.is_some() || !objective.description.is_decoupled {
+    if !found.is_empty() || !objective.description.is_decoupled {
         return found;
     }
     let (first, unconfirmed) = (state.rounds.len(), state.unconfirmed.take());
@@ -78,14 +83,15 @@ pub(super) fn round(
         if offered.len() == before || offered.is_empty() {
             break;
         }
-        if let Some(found) = attempt(objective, state, second_looks, &offered) {
-            state.rounds.drain(first - 1..state.rounds.len() - 1);
-            return Some(found);
+        let (before, found) = (state.rounds.len(), attempt(objective, state, second_looks, &offered));
+        if !found.is_empty() {
+            state.rounds.drain(first - 1..before);
+            return found;
         }
     }
     state.rounds.truncate(first);
     state.unconfirmed = unconfirmed;
-    None
+    Vec::new()
 }
 
 /// The site of the candidate that fits best in the last round.
@@ -100,10 +106,10 @@ fn attempt(
     state: &mut DiagnosisState,
     second_looks: &mut SecondLooks,
     offered: &[usize],
-) -> Option<(Rival, MissingEffect)> {
+) -> Vec<Accepted> {
     state.unconfirmed = None;
     let (mut rivals, starts) = first_rivals(objective, state, second_looks, offered);
-    let leader = rivals.first()?;
+    let Some(leader) = rivals.first() else { return Vec::new() };
     let hardly = leader.fit.squares() > HARDLY * state.fit.squares() && !objective.description.has_contact;
     if leader.fit.squares() > MODEST * state.fit.squares() {
         drop_effect(objective, leader, state).into_iter().for_each(|drop_effect| state.follow(objective, drop_effect));
@@ -115,18 +121,42 @@ fn attempt(
     rivals = best_of_each(rivals.into_iter().chain(others).collect());
     if objective.description.has_contact {
         let rivals = on_the_ground(objective, state, rivals, offered);
-        return judge_rivals(objective, state, rivals);
+        return judge_rivals(objective, state, rivals).into_iter().collect();
     }
     let judged = judge_rivals(objective, state, rivals.clone());
     // Of a prescribed motion no probe predicts too little.
     let looks_again = leaves_much(objective, &rivals) && !objective.description.is_decoupled;
     if judged.is_some() || !looks_again || !second_looks.allow(objective) {
-        return judged;
+        return judged.map_or_else(Vec::new, |first| with_other_joints(objective, state, first, &rivals));
     }
     let others = not_fitted(&rivals, offered);
     let late = last_chance_of_the_best(objective, &state.fit, &others, &rivals[0].fit);
     state.rounds.pop();
-    judge_rivals(objective, state, best_of_each(rivals.into_iter().chain(late).collect()))
+    judge_rivals(objective, state, best_of_each(rivals.into_iter().chain(late).collect())).into_iter().collect()
+}
+
+/// A winner, and those at other joints if all of them show in their joint's channel alone. An effect of the links shows
+/// in all channels: what a joint seemed to lack may have been that.
+fn with_other_joints(
+    objective: &Objective,
+    state: &mut DiagnosisState,
+    first: Accepted,
+    rivals: &[Rival],
+) -> Vec<Accepted> {
+    let winner = first.0.candidate;
+    let mut all = vec![first];
+    if !own::is_apart(objective, winner) {
+        return all;
+    }
+    for joint in own::joints(objective, rivals.iter().map(|rival| rival.candidate)) {
+        if !own::shows_in(objective, winner, joint) {
+            let here = rivals.iter().filter(|rival| own::shows_in(objective, rival.candidate, joint)).cloned();
+            let (unconfirmed, found) = (state.unconfirmed.take(), judge_rivals(objective, state, here.collect()));
+            state.unconfirmed = unconfirmed;
+            all.extend(found);
+        }
+    }
+    all
 }
 
 /// The best of the candidates `offered`, and the starts that were screened for that.

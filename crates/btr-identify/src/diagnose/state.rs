@@ -69,6 +69,21 @@ impl DiagnosisState {
         self.chosen.iter().filter(alone).count()
     }
 
+    /// A rival beside what was found since it was fitted, at other joints.
+    pub(super) fn beside_others(&self, objective: &Objective, rival: Rival) -> Rival {
+        let candidate = &objective.candidates()[rival.candidate];
+        let is_added = |parameter: &usize| candidate.parameters().any(|own| own == *parameter);
+        if self.fit.active.iter().all(|parameter| rival.fit.active.contains(parameter)) {
+            return rival;
+        }
+        let mut u = self.fit.u.clone();
+        candidate.parameters().for_each(|parameter| u[parameter] = rival.fit.u[parameter]);
+        let added = rival.fit.active.iter().copied().filter(is_added);
+        let active = self.fit.active.iter().copied().chain(added).collect();
+        // Where both cannot be simulated, the rival stays as it was.
+        FitPoint::at(objective, active, u, &self.fit.step_error).map_or(rival.clone(), |fit| Rival { fit, ..rival })
+    }
+
     /// Makes the winner the new base.
     pub(super) fn accept(
         &mut self,

@@ -20,7 +20,7 @@ pub(super) fn together(
     let first = found.candidate;
     let mut both = state.clone();
     both.accept(objective, rival, found, &|_| {});
-    let (rival, found) = round(objective, &mut both, second_looks)?;
+    let (rival, found) = round(objective, &mut both, second_looks).into_iter().next()?;
     if objective.is_stopped() {
         return None;
     }

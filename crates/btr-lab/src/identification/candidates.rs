@@ -21,7 +21,11 @@ impl IdentificationProblem {
             None => (Vec::new(), Vec::new()),
         };
         self.offer_values(laws, without);
-        for effect in EFFECTS.iter().copied().filter(|effect| !without.contains(&effect.spec().name)) {
+        let prescribed = self.model.robot.is_prescribed();
+        let offered = |effect: &&dyn Effect| {
+            !without.contains(&effect.spec().name) && (prescribed || !effect.is_for_prescribed_motion())
+        };
+        for effect in EFFECTS.iter().copied().filter(offered) {
             for site in sites(effect, &self.model) {
                 self.offer_instances(effect, &site);
             }

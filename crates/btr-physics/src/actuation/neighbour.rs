@@ -9,12 +9,16 @@ pub enum NeighbourQuantity {
     ParentPosition,
     /// Velocity of the parent in rad/s (m/s).
     ParentVelocity,
+    /// Acceleration of the parent over the last step, or that of a prescribed motion, in rad/s² (m/s²).
+    ParentAcceleration,
     /// Torque of the parent's motor in the last step, in N·m (N).
     ParentTorque,
     /// Position of the child.
     ChildPosition,
     /// Velocity of the child.
     ChildVelocity,
+    /// Acceleration of the child.
+    ChildAcceleration,
     /// Torque of the child's motor.
     ChildTorque,
 }
@@ -24,12 +28,14 @@ pub type NeighbourInputs = [f64; NeighbourQuantity::ALL.len()];
 
 impl NeighbourQuantity {
     /// All of them.
-    pub const ALL: [NeighbourQuantity; 6] = [
+    pub const ALL: [NeighbourQuantity; 8] = [
         NeighbourQuantity::ParentPosition,
         NeighbourQuantity::ParentVelocity,
+        NeighbourQuantity::ParentAcceleration,
         NeighbourQuantity::ParentTorque,
         NeighbourQuantity::ChildPosition,
         NeighbourQuantity::ChildVelocity,
+        NeighbourQuantity::ChildAcceleration,
         NeighbourQuantity::ChildTorque,
     ];
 
@@ -38,9 +44,11 @@ impl NeighbourQuantity {
         match self {
             NeighbourQuantity::ParentPosition => "q_parent",
             NeighbourQuantity::ParentVelocity => "dq_parent",
+            NeighbourQuantity::ParentAcceleration => "ddq_parent",
             NeighbourQuantity::ParentTorque => "tau_parent",
             NeighbourQuantity::ChildPosition => "q_child",
             NeighbourQuantity::ChildVelocity => "dq_child",
+            NeighbourQuantity::ChildAcceleration => "ddq_child",
             NeighbourQuantity::ChildTorque => "tau_child",
         }
     }
@@ -48,13 +56,20 @@ impl NeighbourQuantity {
     /// The neighbour's side.
     pub fn side(self) -> Side {
         match self {
-            NeighbourQuantity::ParentPosition | NeighbourQuantity::ParentVelocity | NeighbourQuantity::ParentTorque => {
-                Side::Parent
-            }
-            NeighbourQuantity::ChildPosition | NeighbourQuantity::ChildVelocity | NeighbourQuantity::ChildTorque => {
-                Side::Child
-            }
+            NeighbourQuantity::ParentPosition
+            | NeighbourQuantity::ParentVelocity
+            | NeighbourQuantity::ParentAcceleration
+            | NeighbourQuantity::ParentTorque => Side::Parent,
+            NeighbourQuantity::ChildPosition
+            | NeighbourQuantity::ChildVelocity
+            | NeighbourQuantity::ChildAcceleration
+            | NeighbourQuantity::ChildTorque => Side::Child,
         }
+    }
+
+    /// Whether it is an acceleration.
+    pub(crate) fn is_acceleration(self) -> bool {
+        matches!(self, NeighbourQuantity::ParentAcceleration | NeighbourQuantity::ChildAcceleration)
     }
 
     /// Whether it is a motor's torque.

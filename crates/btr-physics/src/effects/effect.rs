@@ -3,7 +3,7 @@
 use crate::actuation::{JointInput, MotorTorque, NeighbourQuantity};
 use crate::engine::{Affine, Dof};
 use crate::robot::site::matches;
-use crate::robot::{Robot, Side};
+use crate::robot::{Link, Robot, Side};
 use crate::setup::{Setup, setup_error};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
@@ -142,7 +142,11 @@ pub trait Effect: Sync {
     fn instances(&self) -> usize {
         1
     }
-    /// Whether a link can have it.
+    /// Whether it is looked for only where the motion is prescribed: in a simulated motion, many others look like it.
+    fn is_for_prescribed_motion(&self) -> bool {
+        false
+    }
+    /// Whether a link, or the joint that carries it, can have it.
     fn acts_on(&self, _robot: &Robot, _link: usize) -> bool {
         true
     }
@@ -326,7 +330,8 @@ impl PlacedEffect {
         if used.is_empty() {
             return Ok(());
         }
-        for ((_, link), neighbours) in robot.movable().zip(robot.neighbours()) {
+        let acts = |(link, _): &(usize, &Link)| self.effect.acts_on(robot, *link);
+        for ((_, link), neighbours) in robot.movable().zip(robot.neighbours()).filter(|(link, _)| acts(link)) {
             let missing = used.iter().find(|quantity| neighbours.on(quantity.side()).is_none());
             if let Some(&quantity) = missing.filter(|_| matches(&self.site, &link.joint.name)) {
                 return Err(MissingNeighbour { quantity, joint: link.joint.name.clone() });
@@ -340,8 +345,9 @@ impl PlacedEffect {
         if !self.effect.spec().site.is_on_joints() {
             return Ok(Vec::new());
         }
-        let names = robot.movable().map(|(_, link)| link.joint.name.as_str());
-        self.non_empty(names.enumerate().filter(|(_, name)| matches(&self.site, name)).map(|(i, _)| i).collect())
+        let joints = robot.movable().enumerate();
+        let here = |link: usize, name: &str| matches(&self.site, name) && self.effect.acts_on(robot, link);
+        self.non_empty(joints.filter(|(_, (link, of))| here(*link, &of.joint.name)).map(|(i, _)| i).collect())
     }
 
     /// The links at its site.

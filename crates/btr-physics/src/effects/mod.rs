@@ -1,6 +1,7 @@
 //! Physical effects that a model may lack. Each effect is a named group of parameters with *off* values, defined in its
 //! own file.
 
+mod coupling;
 mod effect;
 mod formula;
 mod readings;
@@ -41,6 +42,8 @@ effects! {
         armature::Armature,
         parallel_spring::ParallelSpring,
         cogging::Cogging,
+        parent_coupling::ParentCoupling,
+        child_coupling::ChildCoupling,
     }
     motor {
         torque_limit::TorqueLimit,

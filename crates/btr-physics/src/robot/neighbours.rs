@@ -32,6 +32,12 @@ impl Neighbours {
 }
 
 impl Robot {
+    /// Whether the joint that carries a link has a neighbour on this side.
+    pub(crate) fn has_neighbour(&self, link: usize, side: Side) -> bool {
+        let joint = self.movable().position(|(moved, _)| moved == link);
+        joint.and_then(|joint| self.neighbours().get(joint)?.on(side)).is_some()
+    }
+
     /// The neighbours of each movable joint; the robot must be a tree.
     pub fn neighbours(&self) -> Vec<Neighbours> {
         let movable: Vec<usize> = self.movable().map(|(link, _)| link).collect();

@@ -119,7 +119,15 @@ impl<'a> Control<'a> {
             self.load = states.map(|(joint, &(q, dq))| joint.torque(q, dq).abs()).sum();
         }
         // Before any joint acts, so that their order does not matter.
-        self.neighbours.update(&self.states, |joint, (q, dq)| self.joints[joint].torque(q, dq));
+        let acceleration = |joint: usize, dq: f64| {
+            let control = &self.joints[joint];
+            let prescribed = control.motor.is_prescribed().then(|| self.reference.prescribed(joint, time_s, self.dt_s));
+            match prescribed.flatten() {
+                Some(motion) => motion.from.acceleration,
+                None => control.before.map_or(0.0, |before| (dq - before) / self.dt_s),
+            }
+        };
+        self.neighbours.update(&self.states, |joint, (q, dq)| self.joints[joint].torque(q, dq), acceleration);
         let (midpoint, supports_prescribed, enforces_bounds) =
             (engine.midpoint(), engine.supports_prescribed(), engine.enforces_bounds());
         let (in_the_middle, at_the_end) =

@@ -10,8 +10,9 @@ use btr_core::world::WorldError;
 pub(super) struct NeighbourTracker {
     neighbours: Vec<Neighbours>,
     inputs: Vec<NeighbourInputs>,
-    /// Whether any effect uses a torque; only then they are computed.
+    /// Whether any effect uses a torque, or an acceleration; only then they are computed.
     torques: bool,
+    accelerations: bool,
 }
 
 impl NeighbourTracker {
@@ -20,22 +21,34 @@ impl NeighbourTracker {
     pub(super) fn new(robot: &Robot, effects: &[PlacedEffect]) -> Result<Self, WorldError> {
         let missing = effects.iter().try_for_each(|placed| placed.check_neighbours(robot));
         missing.map_err(|missing| setup_error(missing.to_string()))?;
-        let mut used = effects.iter().flat_map(|placed| placed.effect.neighbours()).peekable();
-        let neighbours = if used.peek().is_some() { robot.neighbours() } else { Vec::new() };
+        let used: Vec<NeighbourQuantity> =
+            effects.iter().flat_map(|placed| placed.effect.neighbours()).copied().collect();
+        let neighbours = if used.is_empty() { Vec::new() } else { robot.neighbours() };
         let inputs = vec![[f64::NAN; NeighbourQuantity::ALL.len()]; neighbours.len()];
-        Ok(NeighbourTracker { neighbours, inputs, torques: used.any(|quantity| quantity.is_torque()) })
+        let torques = used.iter().any(|quantity| quantity.is_torque());
+        let accelerations = used.iter().any(|quantity| quantity.is_acceleration());
+        Ok(NeighbourTracker { neighbours, inputs, torques, accelerations })
     }
 
-    /// Updates the inputs to the joints' states, where `torque` is a motor's torque in the last step.
-    pub(super) fn update(&mut self, states: &[(f64, f64)], torque: impl Fn(usize, (f64, f64)) -> f64) {
+    /// Updates the inputs to the joints' states, where `torque` is a motor's torque in the last step and `acceleration`
+    /// that of a joint with a velocity.
+    pub(super) fn update(
+        &mut self,
+        states: &[(f64, f64)],
+        torque: impl Fn(usize, (f64, f64)) -> f64,
+        acceleration: impl Fn(usize, f64) -> f64,
+    ) {
         for (inputs, neighbours) in self.inputs.iter_mut().zip(&self.neighbours) {
             let of = |joint: Option<usize>| {
                 let (joint, (q, dq)) = joint.and_then(|joint| Some((joint, *states.get(joint)?)))?;
-                Some([q, dq, if self.torques { torque(joint, (q, dq)) } else { f64::NAN }])
+                let ddq = if self.accelerations { acceleration(joint, dq) } else { f64::NAN };
+                Some([q, dq, ddq, if self.torques { torque(joint, (q, dq)) } else { f64::NAN }])
             };
-            let sides = [neighbours.parent, neighbours.child].map(|joint| of(joint).unwrap_or([f64::NAN; 3]));
-            let [[q_parent, dq_parent, tau_parent], [q_child, dq_child, tau_child]] = sides;
-            *inputs = [q_parent, dq_parent, tau_parent, q_child, dq_child, tau_child];
+            let unknown = [f64::NAN; NeighbourQuantity::ALL.len() / 2];
+            let [parent, child] = [neighbours.parent, neighbours.child].map(|joint| of(joint).unwrap_or(unknown));
+            for (input, value) in inputs.iter_mut().zip(parent.into_iter().chain(child)) {
+                *input = value;
+            }
         }
     }
 

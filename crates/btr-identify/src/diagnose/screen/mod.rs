@@ -8,6 +8,7 @@ mod linear;
 mod onset;
 mod start_point;
 
+use super::own;
 use crate::fit::{FitPoint, LogSet, Objective, corrected, shared, squares};
 use crate::residual_model::{EffectCandidate, Needs, Parametrisation};
 use btr_core::signal::ripple::orders;
@@ -32,10 +33,10 @@ const FINE: ProbeSizes = ProbeSizes {
 const FAR: ProbeSizes = ProbeSizes { amplitudes: &[6.0, 24.0], limits: &[], compliances: &[] };
 /// How many orders of ripples are tried that the error shows.
 const ORDERS: usize = 4;
-/// How many candidates pass the first pass.
-const COARSE_PASS: usize = 16;
-/// How many of the best predictions are simulated.
-const VERIFIED: usize = 10;
+/// How many candidates pass the first pass, and how many of those that show in one joint's channel alone.
+const COARSE_PASS: (usize, usize) = (16, 6);
+/// How many of the best predictions are simulated, and how many of one joint.
+const VERIFIED: (usize, usize) = (10, 4);
 /// How many of the best predictions continue whatever their simulated cost.
 const PROMISED: usize = 4;
 /// How many of the best of the first pass are simulated in any case: all logs together may hide what one log shows.
@@ -56,7 +57,7 @@ pub(super) fn rollouts(objective: &Objective) -> usize {
     let coarse = kinds.map(|kind| {
         probes(&candidates[kind[0]]) * shared(kind.iter().map(|&c| objective.description.channels_of(c))).len()
     });
-    coarse.sum::<usize>() + logs * FINE.amplitudes.len() * COARSE_PASS.min(candidates.len())
+    coarse.sum::<usize>() + logs * FINE.amplitudes.len() * COARSE_PASS.0.min(candidates.len())
 }
 
 /// The most promising of the candidates `offered`, best first, with simulated costs. Each is probed from all bases and
@@ -78,7 +79,7 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
         let base = BasePoint::new(objective, index, &on_log, vec![log]);
         base.map_or_else(Vec::new, |base| base.predicted_together(objective, &offered, &COARSE, &reached))
     };
-    let coarse = best(bases.iter().enumerate().flat_map(probe_coarsely).collect(), COARSE_PASS);
+    let coarse = own::best(objective, bases.iter().enumerate().flat_map(probe_coarsely).collect(), COARSE_PASS);
     // Each candidate is probed from the first base, and from the one with its best prediction.
     let probe_finely = |(index, base): (usize, &FitPoint)| {
         let Some(point) = BasePoint::new(objective, index, base, objective.logs(LogSet::Learn).to_vec()) else {
@@ -91,7 +92,7 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
         (near, far)
     };
     let (near, far): (Vec<Vec<StartPoint>>, Vec<Vec<StartPoint>>) = bases.iter().enumerate().map(probe_finely).unzip();
-    let mut predicted = best(near.concat(), VERIFIED);
+    let mut predicted = own::best(objective, near.concat(), VERIFIED);
     predicted.extend(best(far.concat(), STRIKING));
     predicted.extend(coarse.iter().take(STRIKING).cloned());
     verify(objective, bases, &predicted)

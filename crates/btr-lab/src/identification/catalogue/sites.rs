@@ -21,15 +21,16 @@ pub(crate) fn sites(effect: &'static dyn Effect, model: &Model) -> Vec<String> {
             .any(|dim| dim.name.starts_with(&named) && same(dim.name.split_once('@').map_or("*", |(_, at)| at)));
         free_parameter || model.effects.iter().find(here).is_some_and(|placed| !placed.is_off())
     };
-    let joints = || model.robot.movable().map(|(_, link)| link);
+    let can_have = |link: &usize| effect.acts_on(&model.robot, *link);
+    let joints = || model.robot.movable().filter(|(link, _)| can_have(link)).map(|(_, link)| link);
     let all: Vec<String> = match spec.site {
         SiteKind::Joint => {
             let all = (effect.is_common() && joints().count() > 1).then(|| "*".to_owned());
             joints().map(|link| link.joint.name.clone()).chain(all).collect()
         }
         SiteKind::Link => {
-            let can_have = |(index, link): &(usize, &Link)| link.mass_kg > 0.0 && effect.acts_on(&model.robot, *index);
-            model.robot.movable().filter(can_have).map(|(_, link)| link.name.clone()).collect()
+            let massive = |(index, link): &(usize, &Link)| link.mass_kg > 0.0 && can_have(index);
+            model.robot.movable().filter(massive).map(|(_, link)| link.name.clone()).collect()
         }
         SiteKind::Base => vec!["base".to_owned()],
         SiteKind::Ground if model.setup.ground.is_none() => Vec::new(),

@@ -1,0 +1,108 @@
+//! A law that contains two simpler ones, in their place: friction with four constants where Coulomb's and viscous
+//! friction will do.
+
+use super::evidence::LogErrors;
+use super::own;
+use super::report::{Evidence, MissingEffect};
+use super::screen::with;
+use super::state::DiagnosisState;
+use super::thresholds::{HELD_OUT_FALL, LEARNT_FALL, TIE};
+use crate::LadderStep;
+use crate::fit::measure::ComparisonMeasure;
+use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
+
+/// Size of each part at the start of its fit, in typical sizes.
+const START: f64 = 0.5;
+
+/// Two candidates with their fit in the place of a finding.
+struct Parts {
+    candidates: [usize; 2],
+    fit: FitPoint,
+}
+
+impl DiagnosisState {
+    /// Replaces findings by two laws that they contain, of fewer parameters together, where these explain as much.
+    pub(super) fn split(&mut self, objective: &Objective, on_step: &dyn Fn(&LadderStep)) {
+        for index in 0..self.chosen.len() {
+            let parts = if self.may_depend_on_latest(objective, index) { self.parts(objective, index) } else { None };
+            if let Some(parts) = parts.filter(|parts| self.will_do(objective, parts)) {
+                self.accept_parts(objective, index, parts, on_step);
+            }
+        }
+    }
+
+    /// The best two laws inside a finding.
+    fn parts(&self, objective: &Objective, index: usize) -> Option<Parts> {
+        let candidates = objective.candidates();
+        let whole = &candidates[self.chosen[index].candidate];
+        let inside: Vec<usize> = whole.nested.iter().copied().filter(|&part| !self.is_chosen(part)).collect();
+        let pairs = inside.iter().enumerate().flat_map(|(k, &a)| inside[k + 1..].iter().map(move |&b| [a, b]));
+        let size = |pair: &[usize; 2]| pair.iter().map(|&part| candidates[part].parameters().count()).sum::<usize>();
+        let smaller = pairs.filter(|pair| size(pair) < whole.parameters().count());
+        let base = self.less(objective, &[index])?;
+        let fitted = smaller.filter_map(|pair| Some(Parts { candidates: pair, fit: fitted(objective, &base, pair)? }));
+        fitted.min_by(|a, b| a.fit.cost.total_cmp(&b.fit.cost))
+    }
+
+    /// Whether two parts explain as much as the law that contains them: what its further parameters lower the error by
+    /// is no more than what any effect must.
+    fn will_do(&self, objective: &Objective, parts: &Parts) -> bool {
+        let measure = ComparisonMeasure::of(objective, &self.fit);
+        let candidate = parts.candidates[0];
+        let ties = measure.criterion(&parts.fit) - measure.criterion(&self.fit) <= TIE;
+        let learnt = |fit: &FitPoint| own::learnt(objective, candidate, fit);
+        let hardly = learnt(&self.fit) >= (1.0 - LEARNT_FALL) * learnt(&parts.fit);
+        let confirms = |now: f64| {
+            own::held_out(objective, candidate, &parts.fit.u).is_some_and(|then| then <= (1.0 + HELD_OUT_FALL) * now)
+        };
+        (ties || hardly) && self.own_held_out(objective, candidate).is_none_or(confirms)
+    }
+
+    fn accept_parts(&mut self, objective: &Objective, index: usize, parts: Parts, on_step: &dyn Fn(&LadderStep)) {
+        let candidates = objective.candidates();
+        let [first, second] = parts.candidates;
+        let whole = self.chosen.remove(index);
+        let step =
+            format!("{} + {} for {}@{}", candidates[first].name(), candidates[second].name(), whole.effect, whole.site);
+        self.fit = parts.fit;
+        self.record(objective, step, on_step);
+        for part in [first, second] {
+            let found = MissingEffect::of(part, &candidates[part], whole.probability, whole.delta_bic);
+            self.chosen.push(MissingEffect { alike: whole.alike.clone(), evidence: whole.evidence, ..found });
+        }
+        for part in [first, second] {
+            self.weigh_part(objective, part);
+        }
+    }
+
+    /// What speaks for one of two parts: the error without it.
+    fn weigh_part(&mut self, objective: &Objective, part: usize) {
+        let Some(index) = self.chosen.iter().position(|found| found.candidate == part) else { return };
+        let Some(mut without) = self.less(objective, &[index]) else { return };
+        without.solve(objective, SearchBudget { jacobians: 2, steps: 12 });
+        let judged = !objective.logs(LogSet::HeldOut).is_empty();
+        let held_out = |fit: &FitPoint| if judged { own::held_out(objective, part, &fit.u) } else { None };
+        let before = LogErrors::of(objective, part, &without, held_out(&without));
+        let after = LogErrors::of(objective, part, &self.fit, self.held_out);
+        let at_first = self.own_at_first(objective, part).unwrap_or(self.unexplained_at_first);
+        let measure = ComparisonMeasure::of(objective, &self.fit);
+        let gained = measure.criterion(&without) - measure.criterion(&self.fit);
+        let found = &mut self.chosen[index];
+        found.evidence = Evidence::of(&before, &after, at_first);
+        found.delta_bic = gained;
+        found.alike.clear();
+    }
+}
+
+/// Two candidates fitted beside a base.
+fn fitted(objective: &Objective, base: &FitPoint, pair: [usize; 2]) -> Option<FitPoint> {
+    let (mut active, mut u) = (base.active.clone(), base.u.clone());
+    for candidate in pair.map(|part| &objective.candidates()[part]) {
+        active = with(&FitPoint { active, ..base.clone() }, candidate);
+        candidate.amplitudes.iter().for_each(|&k| u[k] = objective.parameters()[k].clamp(START));
+        candidate.shapes.iter().zip(&candidate.starts[0]).for_each(|(&k, &shape)| u[k] = shape);
+    }
+    let mut fit = FitPoint::at(objective, active, u, &base.step_error).ok()?;
+    fit.solve(objective, SearchBudget::FULL);
+    Some(fit)
+}

@@ -1,0 +1,35 @@
+//! A motor that turns with two joints, as in the wrists of many industrial arms: the motor of the last joint is carried
+//! through the one before, and turns with both. Its friction and its rotor act on both joints.
+
+use super::effect::Param;
+use crate::actuation::{JointInput, NeighbourQuantity};
+use crate::engine::Dof;
+
+/// Speed in rad/s at which dry friction is about three quarters of its own: a step at the reversal of a sum of two
+/// speeds would make a light joint chatter.
+const SMOOTH: f64 = 0.02;
+
+pub(super) const CITE: &str = "Guedelha, Traversaro and Pucci, Identification of Motor Parameters on Coupled Joints, \
+                               arXiv:1906.05070";
+
+/// Parameters of the motor's law.
+pub(super) const PARAMS: &[Param] = &[
+    Param::new("coulomb", "N·m", (0.0, 5.0), 0.1),
+    Param::new("viscous", "N·m·s/rad", (0.0, 5.0), 0.05),
+    Param::new("inertia", "kg·m^2", (0.0, 1.0), 0.01),
+    Param::shape("ratio", "1", (-3.0, 3.0), 1.0),
+];
+
+/// The motor turns with the joint and this many times as fast with the neighbour.
+pub(super) const STARTS: &[&[f64]] = &[&[1.0], &[-1.0]];
+
+/// Adds the motor's torque on a joint; velocity and acceleration are those of the neighbour.
+pub(super) fn act(p: &[f64], dof: &mut Dof, state: &JointInput, neighbour: [NeighbourQuantity; 2]) {
+    let &[coulomb, viscous, inertia, ratio] = p else { return };
+    let Some(inputs) = state.neighbours else { return };
+    let [velocity, acceleration] = neighbour.map(|quantity| ratio * inputs[quantity as usize]);
+    dof.armature += inertia;
+    dof.torque.damping += viscous;
+    dof.torque.constant -=
+        viscous * velocity + inertia * acceleration + coulomb * ((state.dq + velocity) / SMOOTH).tanh();
+}
