@@ -88,8 +88,12 @@ class Truth:
         self.rng = np.random.default_rng(seed)
         drawn = lambda sizes: np.array(sizes) * self.rng.uniform(0.6, 1.4, JOINTS)  # noqa: E731
         self.viscous, self.coulomb, self.rotor = drawn(VISCOUS), drawn(COULOMB), drawn(ROTOR)
-        self.coupled = 0.5 * self.viscous[5], 0.5 * self.coulomb[5]
+        self.coupled = np.array([0.5 * self.viscous[5], 0.5 * self.coulomb[5], 0.5 * self.rotor[5]])
         self.place = np.array([*self.rng.uniform(-0.05, 0.05, 2), self.rng.uniform(0.08, 0.14)])
+
+    def whole(self, of_joint: np.ndarray, which: int) -> np.ndarray:
+        """Values with the coupled motor's, which turns with both joints of the wrist."""
+        return of_joint + np.array([0, 0, 0, 0, 1, 1]) * self.coupled[which]
 
     def torques(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         model = mujoco.MjModel.from_xml_string(urdf((PAYLOAD_KG, self.place)))
@@ -100,8 +104,8 @@ class Truth:
             mujoco.mj_inverse(model, data)
             tau[row] = data.qfrc_inverse
         tau += self.viscous * dq + self.coulomb * np.sign(dq) + self.rotor * ddq
-        both = dq[:, 4] + dq[:, 5]
-        shared = self.coupled[0] * both + self.coupled[1] * np.sign(both)
+        both, ddboth = dq[:, 4] + dq[:, 5], ddq[:, 4] + ddq[:, 5]
+        shared = self.coupled[0] * both + self.coupled[1] * np.sign(both) + self.coupled[2] * ddboth
         tau[:, 4] += shared
         tau[:, 5] += shared
         return tau
@@ -175,10 +179,11 @@ def judge(answer: dict, truth: Truth) -> dict:
     values = named(answer)
     right = {"coulomb": 0, "viscous": 0}
     for joint in range(1, JOINTS + 1):
-        for what, true_values in (("coulomb", truth.coulomb), ("viscous", truth.viscous)):
+        for what, true_values in (("coulomb", truth.coulomb), ("viscous", truth.whole(truth.viscous, 0))):
             found = friction(values, joint, what)
             right[what] += bool(found) and all(within(value, true_values[joint - 1]) for value in found)
-    rotors = sum(within(values.get(f"armature.inertia@joint_{k + 1}"), truth.rotor[k]) for k in range(JOINTS))
+    inertias = truth.whole(truth.rotor, 2)
+    rotors = sum(within(values.get(f"armature.inertia@joint_{k + 1}"), inertias[k]) for k in range(JOINTS))
     loads = {name: value for name, value in values.items() if ".mass@" in name}
     law = answer.get("residual_law") or {}
     text = f"{law.get('site', '-')}: {law.get('law', '-')}"

@@ -149,6 +149,28 @@ impl Log {
         Log { clock_s: self.clock_s[samples.clone()].to_vec(), channels }
     }
 
+    /// Means over `count` samples in a row, at the mean of their times: a log of a lower rate, into which no noise is
+    /// folded. A mean with a missing sample is missing, and no mean reaches over a gap in the clock.
+    #[must_use]
+    pub fn means(&self, count: usize) -> Log {
+        let longest = 1.5 * self.usual_step_s().unwrap_or(f64::INFINITY);
+        let (mut groups, mut first) = (Vec::new(), 0);
+        for next in 1..=self.len() {
+            let is_gap = self.clock_s.get(next).is_some_and(|t| t - self.clock_s[next - 1] > longest);
+            if next - first == count.max(1) {
+                groups.push(first..next);
+                first = next;
+            } else if is_gap {
+                first = next;
+            }
+        }
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let means = |values: &[f64]| groups.iter().map(|group| mean(&values[group.clone()])).collect();
+        let of = |channel: &Channel| Channel { values: means(&channel.values), unit: channel.unit.clone(), ..*channel };
+        let channels = self.channels.iter().map(|(name, channel)| (name.clone(), of(channel))).collect();
+        Log { clock_s: means(&self.clock_s), channels }
+    }
+
     /// The usual time between two samples, in seconds: the mean, in which jitter cancels, over all steps that are no
     /// gaps (longer than one and a half medians). `None` with fewer than two samples.
     pub fn usual_step_s(&self) -> Option<f64> {
@@ -277,6 +299,22 @@ mod tests {
         for (at, found) in at.iter().zip(found) {
             assert!((found - y(at.clamp(0.0, 2.5))).abs() < 1e-12, "{found} at {at}");
         }
+    }
+
+    #[test]
+    fn means_keep_straight_lines_and_stop_at_gaps_and_missing_samples() {
+        let clock: Vec<f64> = (0..23).map(|i| 0.001 * f64::from(i) + if i > 11 { 1.0 } else { 0.0 }).collect();
+        let line = |t: &f64| 3.0 - 2.0 * t;
+        let mut values: Vec<f64> = clock.iter().map(line).collect();
+        values[1] = f64::NAN;
+        let mut log = Log::new(clock).unwrap();
+        log.insert("q_hip", "rad", Role::Measured, values).unwrap();
+        let means = log.means(5);
+        let times: Vec<f64> = means.clock_s().iter().map(|t| (t * 1e6).round() / 1e6).collect();
+        assert_eq!(times, [0.002, 0.007, 1.014, 1.019]);
+        let values = means.values("q_hip").unwrap();
+        assert!(values[0].is_nan());
+        means.clock_s().iter().zip(values).skip(1).for_each(|(t, q)| assert!((q - line(t)).abs() < 1e-12));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::screen;
 use super::screen::StartPoint;
 use crate::fit::measure::residual_without_step_error;
 use crate::fit::residual_vector::{chi, squares};
-use crate::fit::{FitPoint, LogSet, Objective};
+use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use std::ops::Range;
 
 /// The channels in which a candidate shows, where it does not show in all.
@@ -41,21 +41,39 @@ pub(super) fn shows_in(objective: &Objective, candidate: usize, joint: &[String]
     channels(objective, candidate) == Some(joint)
 }
 
-/// The best start of each candidate, best first: at most `most` of all, and so many of each joint whose candidates show
-/// in its channel alone. Each joint is then a question of its own, and all are answered at once.
+/// The best start of each candidate, best first: at most `most` of those that show in all channels, and so many of each
+/// joint whose candidates show in its channel alone. Each joint is then a question of its own, and all are answered at
+/// once.
 pub(super) fn best(
     objective: &Objective,
     starts: Vec<StartPoint>,
     (most, of_joint): (usize, usize),
 ) -> Vec<StartPoint> {
-    let mut kept = screen::best(starts.clone(), most);
-    for joint in joints(objective, starts.iter().map(|start| start.candidate)) {
-        let here = starts.iter().filter(|start| shows_in(objective, start.candidate, joint)).cloned().collect();
-        let missing = |start: &StartPoint| kept.iter().all(|other| other.candidate != start.candidate);
-        let added: Vec<StartPoint> = screen::best(here, of_joint).into_iter().filter(missing).collect();
-        kept.extend(added);
+    let joints = joints(objective, starts.iter().map(|start| start.candidate));
+    let (apart, shared): (Vec<_>, Vec<_>) = starts.into_iter().partition(|start| is_apart(objective, start.candidate));
+    let mut kept = screen::best(shared, most);
+    for joint in joints {
+        let here = apart.iter().filter(|start| shows_in(objective, start.candidate, joint)).cloned().collect();
+        kept.extend(screen::best(here, of_joint));
     }
+    kept.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     kept
+}
+
+/// Which parameters adapt to a candidate while it competes: where that shows in a joint's channel alone, those that do
+/// so as well. What the robot's links have is known from all channels, and follows once the candidate is accepted.
+pub(super) fn adapting<'a>(objective: &'a Objective, candidate: usize) -> impl Fn(usize) -> bool + 'a {
+    let near = channels(objective, candidate);
+    move |parameter| near.is_none_or(|near| objective.channels_of(parameter) == near)
+}
+
+/// Lowers the cost of a fit with a candidate, by what adapts to it.
+pub(super) fn solve(objective: &Objective, candidate: usize, fit: &mut FitPoint, budget: SearchBudget) {
+    if is_apart(objective, candidate) {
+        fit.solve_among(objective, &adapting(objective, candidate), budget);
+    } else {
+        fit.solve(objective, budget);
+    }
 }
 
 /// The rows of the channels where a candidate shows, in the residual of some logs; none where it shows in all.

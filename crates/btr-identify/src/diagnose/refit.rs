@@ -10,7 +10,7 @@ use nalgebra::DMatrix;
 /// unless the best explains everything and they are behind it by more than this factor of the sum of squares. Those
 /// that show in one joint's channel alone run against each other, in further places.
 const RUNNERS: usize = 8;
-const RUNNERS_OF_JOINT: usize = 3;
+const RUNNERS_OF_JOINT: usize = 4;
 const LEADERS: usize = 3;
 const BEATEN: f64 = 10.0;
 /// Candidates within this factor of the leader's sum of squares are fitted with the full budget as well, up to this
@@ -50,13 +50,12 @@ pub(super) fn race(
     starts: &[StartPoint],
     leader: Option<&FitPoint>,
 ) -> Vec<Rival> {
-    let (mut taken, mut runners) = (starts[..starts.len().min(RUNNERS)].to_vec(), Vec::new());
+    let apart = |start: &&StartPoint| own::is_apart(objective, start.candidate);
+    let mut taken: Vec<StartPoint> = starts.iter().filter(|start| !apart(start)).take(RUNNERS).cloned().collect();
     for joint in own::joints(objective, starts.iter().map(|start| start.candidate)) {
         let here = |start: &&StartPoint| own::shows_in(objective, start.candidate, joint);
-        runners.extend(starts.iter().filter(here).take(RUNNERS_OF_JOINT).cloned());
+        taken.extend(starts.iter().filter(here).take(RUNNERS_OF_JOINT).cloned());
     }
-    runners.retain(|start| taken.iter().all(|other| other.candidate != start.candidate));
-    taken.extend(runners);
     run(objective, bases, &taken, leader)
 }
 
@@ -110,7 +109,7 @@ fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader:
     let started = starts.iter().filter_map(|start| begin(objective, &bases[start.base], start));
     let mut rivals: Vec<Rival> = started.collect();
     for rival in &mut rivals {
-        rival.fit.solve(objective, SearchBudget::RACE);
+        own::solve(objective, rival.candidate, &mut rival.fit, SearchBudget::RACE);
     }
     sort(&mut rivals);
     let mut polished: Vec<Rival> = Vec::new();
@@ -130,7 +129,8 @@ fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader:
         };
         if against.len() < most {
             rival.fit.jacobian = None;
-            rival.fit.solve(objective, if against.is_empty() { LEADER } else { FOLLOWER });
+            let budget = if against.is_empty() { LEADER } else { FOLLOWER };
+            own::solve(objective, rival.candidate, &mut rival.fit, budget);
 
             // With contact every rollout is slow, and this rarely changes the order.
             if !objective.description.is_chaotic || left(&rival.fit) <= best {
@@ -162,12 +162,12 @@ fn reshape(objective: &Objective, rival: &mut Rival) {
     reshaped.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let fitted = reshaped.into_iter().take(RESHAPES).filter_map(|start| {
         let mut fit = FitPoint::at(objective, rival.fit.active.clone(), start.u, &rival.fit.step_error).ok()?;
-        fit.solve(objective, RESHAPED);
+        own::solve(objective, rival.candidate, &mut fit, RESHAPED);
         Some(fit)
     });
     if let Some(best) = fitted.min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(|best| best.cost < rival.fit.cost) {
         rival.fit = best;
-        rival.fit.solve(objective, FOLLOWER);
+        own::solve(objective, rival.candidate, &mut rival.fit, FOLLOWER);
     }
 }
 

@@ -16,7 +16,7 @@ impl DiagnosisState {
     /// The best fit without one of the chosen.
     pub(super) fn without(&self, objective: &Objective, index: usize) -> Option<FitPoint> {
         let removed = self.less(objective, &[index]).map(|mut fit| {
-            fit.solve(objective, SearchBudget { jacobians: 2, steps: 12 });
+            own::solve(objective, self.chosen[index].candidate, &mut fit, SearchBudget { jacobians: 2, steps: 12 });
             fit
         });
         // The latest effect may have adapted to this one: also fits it as if this one had never been found.
@@ -62,7 +62,7 @@ impl DiagnosisState {
             fit.u[amplitude] = parameter.clamp(parameter.coordinate(value));
         }
         let mut fit = FitPoint::at(objective, fit.active, fit.u, &self.fit.step_error).ok()?;
-        fit.solve(objective, SearchBudget { jacobians: 2, steps: 12 });
+        own::solve(objective, self.chosen[latest].candidate, &mut fit, SearchBudget { jacobians: 2, steps: 12 });
         Some(fit)
     }
 
@@ -145,7 +145,7 @@ impl DiagnosisState {
         let fitted = self.carried_over(objective, index, &nested).into_iter().filter_map(|start| {
             let active = with(&less, &objective.candidates()[start.candidate]);
             let mut fit = FitPoint::at(objective, active, start.u, &self.fit.step_error).ok()?;
-            fit.solve(objective, SearchBudget::FULL);
+            own::solve(objective, start.candidate, &mut fit, SearchBudget::FULL);
             Some(Rival { candidate: start.candidate, fit })
         });
         if let Some(rival) = fitted.min_by(|a, b| a.fit.cost.total_cmp(&b.fit.cost)) {

@@ -79,7 +79,7 @@ impl DiagnosisState {
     fn weigh_part(&mut self, objective: &Objective, part: usize) {
         let Some(index) = self.chosen.iter().position(|found| found.candidate == part) else { return };
         let Some(mut without) = self.less(objective, &[index]) else { return };
-        without.solve(objective, SearchBudget { jacobians: 2, steps: 12 });
+        own::solve(objective, part, &mut without, SearchBudget { jacobians: 2, steps: 12 });
         let judged = !objective.logs(LogSet::HeldOut).is_empty();
         let held_out = |fit: &FitPoint| if judged { own::held_out(objective, part, &fit.u) } else { None };
         let before = LogErrors::of(objective, part, &without, held_out(&without));
@@ -103,6 +103,6 @@ fn fitted(objective: &Objective, base: &FitPoint, pair: [usize; 2]) -> Option<Fi
         candidate.shapes.iter().zip(&candidate.starts[0]).for_each(|(&k, &shape)| u[k] = shape);
     }
     let mut fit = FitPoint::at(objective, active, u, &base.step_error).ok()?;
-    fit.solve(objective, SearchBudget::FULL);
+    own::solve(objective, pair[0], &mut fit, SearchBudget::FULL);
     Some(fit)
 }

@@ -150,12 +150,12 @@ impl DiagnosisState {
                 u[parameter] = objective.parameters()[parameter].clamp(u[parameter] + side * away);
                 // A side that cannot be simulated is skipped.
                 let mut fit = FitPoint::at(objective, self.fit.active.clone(), u, &self.fit.step_error).ok()?;
-                fit.solve(objective, RESHAPED);
+                own::solve(objective, candidate, &mut fit, RESHAPED);
                 Some(fit)
             });
             let best = perturbed.min_by(|a, b| a.cost.total_cmp(&b.cost));
             let Some(mut best) = best.filter(|best| best.cost < LOWER * self.fit.cost) else { return };
-            best.solve(objective, FOLLOWER);
+            own::solve(objective, candidate, &mut best, FOLLOWER);
             self.fit = best;
         }
     }

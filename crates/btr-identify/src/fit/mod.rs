@@ -5,6 +5,7 @@ mod blocks;
 mod derivative;
 mod estimate;
 mod fitted;
+mod inertia;
 pub(crate) mod measure;
 mod objective;
 mod remaining;

@@ -75,7 +75,7 @@ impl<'a> Objective<'a> {
 
     /// The channels in which a parameter shows, where the motion is prescribed and the parameter is one of what acts in
     /// a joint; empty where it shows in all.
-    fn channels_of(&self, parameter: usize) -> &[String] {
+    pub(crate) fn channels_of(&self, parameter: usize) -> &[String] {
         self.own_channels.get(&parameter).map_or(&[], Vec::as_slice)
     }
 

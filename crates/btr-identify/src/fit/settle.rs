@@ -87,11 +87,7 @@ impl FitPoint {
     /// The Gauss-Newton step within the bounds, and which parameters are pinned to a bound, with their steps.
     /// Parameters are pinned one by one, the one that exceeds its bound by most first, and the step of the others is
     /// solved again.
-    fn bounded_step(
-        &self,
-        objective: &Objective,
-        jacobian: &DMatrix<f64>,
-    ) -> Option<(DVector<f64>, Vec<Option<f64>>)> {
+    fn bounded_step(&self, objective: &Objective, jacobian: &DMatrix<f64>) -> Option<(DVector<f64>, Vec<Option<f64>>)> {
         let parameters = objective.parameters();
         let normal = self.quadratic_model(objective, jacobian);
         let mut pinned: Vec<Option<f64>> = vec![None; self.active.len()];

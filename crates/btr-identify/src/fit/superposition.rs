@@ -4,11 +4,13 @@
 //!
 //! A sum equals the simulation but for rounding, and has the same bits whatever was kept before.
 
+use super::inertia::InertiaResponse;
 use super::objective::Objective;
 use super::rollouts::{rows_near, shared};
 use crate::residual_model::{AdditiveParameter, ModelDescription, RecordedLog};
 use btr_core::world::WorldError;
 use rayon::prelude::*;
+use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -35,18 +37,35 @@ struct Parts {
     rest: Vec<f64>,
     /// Indices of additive parameters.
     added: Vec<usize>,
+    /// The point with the links' parameters alone, if any of them differs from 0.
+    links: Option<Vec<f64>>,
+}
+
+/// What was simulated so far.
+#[derive(Default)]
+struct Known {
+    kept: HashMap<Key, Simulated>,
+    /// For each log, the response to the robot's inertias.
+    inertias: HashMap<usize, InertiaResponse>,
 }
 
 /// Additive parameters, and what was simulated of them.
 #[derive(Default)]
 pub(super) struct Superposition {
     additive: Vec<AdditiveParameter>,
-    kept: Mutex<HashMap<Key, Simulated>>,
+    inertial: Vec<usize>,
+    inertial_unless: Vec<usize>,
+    known: Mutex<Known>,
 }
 
 impl Superposition {
     pub(super) fn new(description: &ModelDescription) -> Self {
-        Superposition { additive: description.additive.clone(), kept: Mutex::default() }
+        Superposition {
+            additive: description.additive.clone(),
+            inertial: description.inertial.clone(),
+            inertial_unless: description.inertial_unless.clone(),
+            known: Mutex::default(),
+        }
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -60,21 +79,59 @@ impl Superposition {
         points: &[(&[f64], usize)],
         simulate: &Simulate,
     ) -> Vec<Result<Vec<f64>, WorldError>> {
-        let parts: Vec<Parts> = points.iter().map(|(u, log)| self.parts(u, *log)).collect();
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut parts: Vec<Parts> = points.iter().map(|(u, log)| self.parts(u, *log)).collect();
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let Known { kept, inertias } = &mut *known;
         if kept.values().flatten().map(|numbers| numbers.len()).sum::<usize>() > MOST_KEPT {
             kept.clear();
         }
-        let rests =
-            parts.iter().map(Parts::key).chain(parts.iter().map(|part| Parts::off(part.log, part.rest.len()).key()));
-        simulate_rests(&mut kept, rests.collect(), simulate);
+        let off = |part: &Parts| Parts::off(part.log, part.rest.len()).key();
+        simulate_rests(kept, parts.iter().map(off).collect(), simulate);
+        let added: Vec<Option<Arc<Vec<f64>>>> =
+            parts.iter_mut().map(|part| self.of_links(objective, kept, inertias, part, simulate)).collect();
+        simulate_rests(kept, parts.iter().map(Parts::key).collect(), simulate);
         let responses = parts
             .iter()
             .zip(points)
             .flat_map(|(part, (u, _))| part.added.iter().map(|&index| self.response(part.log, index, u)));
-        self.simulate_responses(objective, &mut kept, responses.collect(), simulate);
-        let sum = |(part, (u, _)): (&Parts, &(&[f64], usize))| self.sum(objective, &kept, part, u);
-        parts.par_iter().zip(points).map(sum).collect()
+        self.simulate_responses(objective, kept, responses.collect(), simulate);
+        let kept = &*kept;
+        let sum = |((part, (u, _)), links): ((&Parts, &(&[f64], usize)), &Option<Arc<Vec<f64>>>)| {
+            let mut residual = self.sum(objective, kept, part, u)?;
+            links.iter().for_each(|links| residual.iter_mut().zip(links.iter()).for_each(|(r, change)| *r += change));
+            Ok(residual)
+        };
+        parts.par_iter().zip(points).zip(&added).map(sum).collect()
+    }
+
+    /// The change of the residual by the links' parameters of a point, from what is known of inertias or by a
+    /// simulation. `None` without such parameters, or where they cannot be told apart: then they are part of the rest.
+    fn of_links(
+        &self,
+        objective: &Objective,
+        kept: &HashMap<Key, Simulated>,
+        inertias: &mut HashMap<usize, InertiaResponse>,
+        part: &mut Parts,
+        simulate: &Simulate,
+    ) -> Option<Arc<Vec<f64>>> {
+        let links = part.links.take()?;
+        let log = part.log;
+        let change = (|| {
+            let off = kept.get(&Parts::off(log, links.len()).key())?.as_ref().ok()?;
+            let at = |u: &[f64]| objective.model.inertias(u, log);
+            let known = match inertias.entry(log) {
+                Entry::Occupied(known) => known.into_mut(),
+                Entry::Vacant(none) => none.insert(InertiaResponse::new(at(&vec![0.0; links.len()])?)),
+            };
+            known.change(&at(&links)?, || {
+                let residual = simulate(&[(links.clone(), log)]).pop()?.ok()?;
+                Some(residual.iter().zip(off.iter()).map(|(with, off)| finite(with - off)).collect())
+            })
+        })();
+        if change.is_none() {
+            self.inertial.iter().for_each(|&k| part.rest[k] = links[k]);
+        }
+        change.map(Arc::new)
     }
 
     /// Takes out of a point what is additive there.
@@ -89,7 +146,13 @@ impl Superposition {
                 additive.shapes.iter().for_each(|&shape| rest[shape] = 0.0);
             }
         }
-        Parts { log, rest, added }
+        let mut links = None;
+        if self.inertial.iter().any(|&k| rest[k] != 0.0) && self.inertial_unless.iter().all(|&k| u[k] == 0.0) {
+            let mut alone = vec![0.0; u.len()];
+            self.inertial.iter().for_each(|&k| (alone[k], rest[k]) = (rest[k], 0.0));
+            links = Some(alone);
+        }
+        Parts { log, rest, added, links }
     }
 
     fn response(&self, log: usize, index: usize, u: &[f64]) -> Key {
@@ -150,8 +213,6 @@ impl Superposition {
         let additive = &self.additive[*index];
         let unit = unit(objective, additive.parameter);
         let change = |row: usize| (with[row] - off[row]) / unit;
-        // What was not measured has no response.
-        let finite = |x: f64| if x.is_finite() { x } else { 0.0 };
         rows(objective, *log, additive).map(|row| finite(change(row))).collect()
     }
 
@@ -181,7 +242,7 @@ impl Superposition {
 impl Parts {
     /// The point where everything is off.
     fn off(log: usize, parameters: usize) -> Parts {
-        Parts { log, rest: vec![0.0; parameters], added: Vec::new() }
+        Parts { log, rest: vec![0.0; parameters], added: Vec::new(), links: None }
     }
 
     fn key(&self) -> Key {
@@ -198,6 +259,11 @@ fn simulate_rests(kept: &mut HashMap<Key, Simulated>, keys: Vec<Key>, simulate: 
     };
     let residuals = simulate(&missing.iter().map(point).collect::<Vec<_>>());
     kept.extend(missing.into_iter().zip(residuals.into_iter().map(|residual| residual.map(Arc::new))));
+}
+
+/// What was not measured has no response.
+fn finite(change: f64) -> f64 {
+    if change.is_finite() { change } else { 0.0 }
 }
 
 /// Those of some keys that are not known, each once.

@@ -39,6 +39,12 @@ pub struct ModelDescription {
     pub candidate_channels: Vec<Vec<String>>,
     /// Parameters to which the residual is proportional: their responses are simulated once and added up from then on.
     pub additive: Vec<AdditiveParameter>,
+    /// Parameters that change the robot's inertias alone, as [`ResidualModel::inertias`] gives them.
+    ///
+    /// [`ResidualModel::inertias`]: super::ResidualModel::inertias
+    pub inertial: Vec<usize>,
+    /// Parameters that, where they are not 0, change how the residual depends on inertias.
+    pub inertial_unless: Vec<usize>,
     /// Terms of laws. Those with the same site and the same quantity are adjacent.
     pub law_terms: Vec<LawTerm>,
     /// The logs; training logs first.
@@ -81,6 +87,8 @@ impl ModelDescription {
             candidates: Vec::new(),
             candidate_channels: Vec::new(),
             additive: Vec::new(),
+            inertial: Vec::new(),
+            inertial_unless: Vec::new(),
             law_terms: Vec::new(),
             clocks_s: vec![Vec::new(); logs.len()],
             measured: vec![Vec::new(); logs.len()],

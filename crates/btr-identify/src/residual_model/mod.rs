@@ -33,6 +33,13 @@ pub trait ResidualModel: Send + Sync {
     /// A simulation that diverges, or that cannot be set up, gives an error in its place.
     fn residuals(&self, requests: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>>;
 
+    /// The numbers that the residual in a log is a linear function of, plus a constant, while no other parameters than
+    /// those of [`ModelDescription::inertial`] differ from 0: what the links of a robot weigh, where its motion is
+    /// prescribed. `None` where there are none, or at a point that cannot be simulated.
+    fn inertias(&self, _u: &[f64], _log: usize) -> Option<Vec<f64>> {
+        None
+    }
+
     /// Whether the work was cancelled. Residuals are then errors ([`WorldError::Cancelled`]), which a search takes for
     /// simulations that fail; its result is discarded.
     fn is_cancelled(&self) -> bool {

@@ -114,6 +114,10 @@ impl ResidualModel for RemoteModel {
         }
     }
 
+    fn inertias(&self, u: &[f64], log: usize) -> Option<Vec<f64>> {
+        self.local.inertias(u, log)
+    }
+
     fn is_cancelled(&self) -> bool {
         self.context.is_cancelled()
     }

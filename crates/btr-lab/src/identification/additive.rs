@@ -3,6 +3,7 @@
 use super::problem::{Change, IdentificationProblem};
 use btr_identify::residual_model::{AdditiveParameter, Parametrisation};
 use btr_physics::effects::{Effect, FormulaTarget, SiteKind, TorqueLaw};
+use btr_physics::model::parameter::Target;
 use btr_physics::robot::Joint;
 use btr_physics::robot::site::matches;
 use std::sync::Arc;
@@ -24,6 +25,33 @@ impl IdentificationProblem {
         let everywhere = self.changing_the_motion();
         let joints = self.model.robot.movable().enumerate().map(|(_, (link, of))| (link, &of.joint));
         joints.flat_map(|(link, joint)| self.additive_at(link, joint, &everywhere)).collect()
+    }
+
+    /// The parameters that change the inertias of links and nothing else, where the motion is prescribed.
+    pub(super) fn inertial(&self) -> Vec<usize> {
+        if !self.model.robot.is_prescribed() {
+            return Vec::new();
+        }
+        let own = self.model.targets.iter().enumerate().filter(|(_, target)| target.is_inertial()).map(|(k, _)| k);
+        let of_link = |change: &Change| match change {
+            Change::Effect(effect) => effect.spec().site == SiteKind::Link,
+            Change::Values(targets) => targets.iter().all(Target::is_inertial),
+        };
+        let candidates = self.candidates.iter().zip(&self.changes).filter(|(_, change)| of_link(change));
+        own.chain(candidates.flat_map(|(candidate, _)| candidate.parameters())).collect()
+    }
+
+    /// All others but those of torques that depend on the motion alone.
+    pub(super) fn inertial_unless(&self) -> Vec<usize> {
+        let inertial = self.inertial();
+        let joints = || self.model.robot.movable().map(|(link, of)| (link, [of.joint.compared()]));
+        let groups = joints().flat_map(|(link, channels)| self.groups(link, &channels));
+        let of_motion: Vec<usize> = groups
+            .filter(|group| group.law != TorqueLaw::Other)
+            .flat_map(|group| group.amplitudes.into_iter().chain(group.shapes))
+            .collect();
+        let other = |k: &usize| !inertial.contains(k) && !of_motion.contains(k);
+        (0..self.parameters.len()).filter(other).collect()
     }
 
     fn additive_at(&self, link: usize, joint: &Joint, everywhere: &[usize]) -> Vec<AdditiveParameter> {

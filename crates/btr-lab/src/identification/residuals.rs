@@ -29,6 +29,8 @@ impl ResidualModel for IdentificationProblem {
             candidates: self.candidates.clone(),
             candidate_channels: self.near.clone(),
             additive: self.additive(),
+            inertial: self.inertial(),
+            inertial_unless: self.inertial_unless(),
             law_terms: self.features.clone(),
             clocks_s: (0..self.logs.len()).map(clock).collect(),
             measured: (0..self.logs.len()).map(|log| self.measured_values(log)).collect(),
@@ -53,6 +55,11 @@ impl ResidualModel for IdentificationProblem {
             points.iter().map(|(point, situation)| point.request(situation).time_step(step)).collect();
         let simulated = self.model.simulate_all(points);
         requests.iter().zip(simulated).map(|(of, simulated)| self.against(of.log, &simulated?)).collect()
+    }
+
+    fn inertias(&self, u: &[f64], log: usize) -> Option<Vec<f64>> {
+        let scenario = self.begun_from(log, &[]);
+        Some(self.model.inertias(&self.at(u).request(&scenario)).ok()?.concat())
     }
 
     fn derive(&self, derivation: &Derivation) -> Option<Box<dyn ResidualModel>> {

@@ -29,17 +29,19 @@ pub struct Diagnosed {
 /// generated robots with 2 to 7 joints, diagnosed without a limit, no right answer took more than five sixths of this.
 const USUAL_ROLLOUTS: usize = 850;
 const FEWEST_JOINTS: usize = 4;
-/// Usual number of effects that a diagnosis may name.
+/// Usual number of effects that a diagnosis may name; and for each joint of a prescribed motion, which is a question of
+/// its own: two frictions, a rotor, and one more.
 const USUAL_EFFECTS: usize = 3;
+const USUAL_EFFECTS_OF_JOINT: usize = 4;
 
 impl VerbInput {
-    /// The options of a diagnosis that names at most so many effects; usually three, or three per joint where the
-    /// motion is prescribed: there each joint's torque is a question of its own. Without a number of rollouts, the
+    /// The options of a diagnosis that names at most so many effects; usually three, or four per joint where the motion
+    /// is prescribed. Without a number of rollouts, the
     /// usual one; a floating robot, whose contacts take many tries, has none.
     pub fn options(&self, max_effects: Option<usize>, max_rollouts: Option<usize>) -> DiagnoseOptions {
         let robot = &self.problem.model().robot;
-        let questions = if robot.is_prescribed() { robot.movable().count() } else { 1 };
-        let max_effects = max_effects.unwrap_or(USUAL_EFFECTS * questions);
+        let of_joints = robot.is_prescribed().then(|| USUAL_EFFECTS_OF_JOINT * robot.movable().count());
+        let max_effects = max_effects.unwrap_or(of_joints.unwrap_or(USUAL_EFFECTS));
         let joints = robot.movable().count().max(FEWEST_JOINTS);
         let usual = if robot.base == Base::Fixed {
             USUAL_ROLLOUTS.saturating_mul(joints * max_effects.max(1))

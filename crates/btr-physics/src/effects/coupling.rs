@@ -23,13 +23,12 @@ pub(super) const PARAMS: &[Param] = &[
 /// The motor turns with the joint and this many times as fast with the neighbour.
 pub(super) const STARTS: &[&[f64]] = &[&[1.0], &[-1.0]];
 
-/// Adds the motor's torque on a joint; velocity and acceleration are those of the neighbour.
+/// Adds the motor's torque on a joint; velocity and acceleration are those of the neighbour. What viscous friction and
+/// rotor do by the joint's own motion is part of what the joint has.
 pub(super) fn act(p: &[f64], dof: &mut Dof, state: &JointInput, neighbour: [NeighbourQuantity; 2]) {
     let &[coulomb, viscous, inertia, ratio] = p else { return };
     let Some(inputs) = state.neighbours else { return };
     let [velocity, acceleration] = neighbour.map(|quantity| ratio * inputs[quantity as usize]);
-    dof.armature += inertia;
-    dof.torque.damping += viscous;
-    dof.torque.constant -=
-        viscous * velocity + inertia * acceleration + coulomb * ((state.dq + velocity) / SMOOTH).tanh();
+    let dry = coulomb * ((state.dq + velocity) / SMOOTH).tanh();
+    dof.torque.constant -= dry + viscous * velocity + inertia * acceleration;
 }

@@ -12,7 +12,7 @@ mod quantity;
 pub use error::ParameterError;
 pub use quantity::motor_values;
 
-use crate::effects::{Effect, PlacedEffect};
+use crate::effects::{Effect, PlacedEffect, SiteKind};
 use crate::robot::Robot;
 use crate::robot::site::{instance, matches, numbered};
 use crate::robot::stretch;
@@ -55,6 +55,15 @@ impl Target {
         match self.quantity {
             Quantity::Effect(effect, param) => Some((effect, param)),
             _ => None,
+        }
+    }
+
+    /// Whether it changes the masses and inertias of links, and nothing else.
+    pub fn is_inertial(&self) -> bool {
+        match self.quantity {
+            Quantity::Mass | Quantity::Inertia => true,
+            Quantity::Effect(effect, _) => effect.spec().site == SiteKind::Link,
+            _ => false,
         }
     }
 

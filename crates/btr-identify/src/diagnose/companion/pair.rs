@@ -155,7 +155,7 @@ fn fitted_together(
     starts.dedup_by_key(|start| start.cost.to_bits());
     let fitted = starts.into_iter().take(FITTED).filter_map(|start| {
         let mut fit = FitPoint::at(objective, base.active.clone(), start.u, &base.step_error).ok()?;
-        fit.solve(objective, FOLLOWER);
+        own::solve(objective, effect, &mut fit, FOLLOWER);
         Some(fit)
     });
     let fit = fitted.min_by(|a, b| a.cost.total_cmp(&b.cost))?;

@@ -3,6 +3,7 @@
 
 use super::onset::{Onsets, WITHIN};
 use super::start_point::{ProbeSizes, StartPoint, has_two_sides, with};
+use crate::diagnose::own;
 use crate::fit::{FitPoint, Objective, corrected, rows_near, shared};
 use crate::residual_model::Parametrisation;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -297,7 +298,8 @@ impl<'a> BasePoint<'a> {
         }
         let change: DVector<f64> = columns.iter().zip(amplitudes.iter()).map(|(c, a)| *c * *a).sum();
         let adaptation = system.factors.solve(&(&system.gradient + self.jacobian.tr_mul(&change)));
-        for (i, &parameter) in self.fit.active.iter().enumerate() {
+        let adapts = own::adapting(objective, probes[0].candidate);
+        for (i, &parameter) in self.fit.active.iter().enumerate().filter(|(_, parameter)| adapts(**parameter)) {
             u[parameter] = parameters[parameter].clamp(u[parameter] - adaptation[i]);
         }
         let moved = DVector::from_iterator(

@@ -4,10 +4,14 @@ use super::source::{LogSource, ReadLog};
 use crate::experiment::file::File;
 use crate::experiment::source::FileError;
 use crate::log_quality::usable;
+use btr_core::log::Log;
 use btr_core::text::Text;
 use btr_identify::quality::{find_glitches, leave_out_glitches};
 use btr_physics::robot::{Base, Robot};
 use std::path::Path;
+
+/// Period in s at which a prescribed motion is followed, unless the model states its `control_s`.
+const FOLLOWED_S: f64 = 0.005;
 
 /// Reads a log of a robot, leaves out its glitches, and rejects one that cannot be used. Robots that walk have impacts,
 /// which look like glitches on a slow clock: their readings are all kept.
@@ -28,7 +32,28 @@ pub(crate) fn read(source: &LogSource, file: &File, robot: &Robot) -> Result<Rea
         (Base::Fixed, true) => find_glitches(&log),
         (Base::Fixed, false) => leave_out_glitches(&mut log),
     };
+    let mut warnings: Vec<String> = warnings;
+    if robot.is_prescribed() {
+        warnings.extend(thin(&mut log, file.simulation.control_s));
+    }
     Ok(ReadLog { path: source.path().to_owned(), log, glitches, warnings })
+}
+
+/// Takes means where a prescribed motion was recorded at more than twice the rate at which it is followed: simulated
+/// and smoothed torques have nothing above that. Says so.
+fn thin(log: &mut Log, control_s: Option<f64>) -> Option<String> {
+    let (period_s, step_s) = (control_s.unwrap_or(FOLLOWED_S), log.usual_step_s()?);
+    // Steps are rounded to microseconds in many logs.
+    let count = (period_s / step_s * (1.0 + 1e-3)).floor() as usize;
+    if count < 2 || count > log.len() {
+        return None;
+    }
+    *log = log.means(count).from_zero();
+    let (before, after) = (1.0 / step_s, 1.0 / (step_s * count as f64));
+    Some(format!(
+        "means of {count} samples, {after:.0} instead of {before:.0} per second; [simulation] control_s = {} uses all",
+        (step_s * 1e6).round() / 1e6
+    ))
 }
 
 /// An error about a log that is not the fault of the model file.
