@@ -175,6 +175,10 @@ def friction(values: dict[str, float], joint: int, what: str) -> list[float]:
     return [values[name + site] for name in names if name + site in values]
 
 
+def sites(effect: dict) -> list[str]:
+    return effect["site"] if isinstance(effect["site"], list) else [effect["site"]]
+
+
 def judge(answer: dict, truth: Truth) -> dict:
     values = named(answer)
     right = {"coulomb": 0, "viscous": 0}
@@ -186,10 +190,14 @@ def judge(answer: dict, truth: Truth) -> dict:
     rotors = sum(within(values.get(f"armature.inertia@joint_{k + 1}"), inertias[k]) for k in range(JOINTS))
     loads = {name: value for name, value in values.items() if ".mass@" in name}
     law = answer.get("residual_law") or {}
-    text = f"{law.get('site', '-')}: {law.get('law', '-')}"
+    coupled = [f"{e['effect']}@{site}" for e in answer["effects"] if "coupling" in e["effect"] for site in sites(e)]
+    text = f"{law.get('site', '-')}: {law.get('law', '-')}; {' '.join(coupled)}"
     return {**right, "rotors": rotors, "loads": loads, "law": text,
             "load_right": any(within(v, PAYLOAD_KG) and n.endswith("link_6") for n, v in loads.items()),
-            "law_right": law.get("site") in ("joint_5", "joint_6") and
+            "others": [f"{e['effect']}@{site}" for e in answer["effects"] for site in sites(e)
+                       if e["effect"] in ("cogging", "parallel_spring", "presliding_friction", "stribeck_friction")],
+            "law_right": {"parent_coupling@joint_6", "child_coupling@joint_5"} <= set(coupled) or
+            law.get("site") in ("joint_5", "joint_6") and
             any(name in law.get("law", "") for name in ("dq_parent", "dq_child"))}
 
 
@@ -212,11 +220,11 @@ def main() -> None:
             answer, seconds, cpu, megabytes = ask(args.btr, folder, words)
             (folder / "answer.json").write_text(json.dumps(answer, indent=1))
             said = judge(answer, truth)
-            last_step = answer["ladder"][-1]
+            last_step = answer["error_ladder"][-1]
             print(
                 f"{seed} {answer['verdict']:>17} coulomb {said['coulomb']} viscous {said['viscous']} "
                 f"rotors {said['rotors']} load {'ok' if said['load_right'] else said['loads']} "
-                f"law {'ok' if said['law_right'] else ''} {said['law']} error {last_step['train']:.3f} "
+                f"coupling {'ok' if said['law_right'] else said['law']} others {said['others']} error {last_step['train']:.3f} "
                 f"held out {last_step['held_out']:.3f} rollouts {answer['rollouts']} {seconds:.1f} s "
                 f"cpu {cpu:.1f} s {megabytes:.0f} MB",
                 flush=True,

@@ -214,7 +214,7 @@ fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<Dia
         rivals: Vec::new(),
         rounds: Vec::new(),
         unconfirmed: None,
-        contradicted: Vec::new(),
+        settled: Vec::new(),
         left_over: None,
         integrator: fit.renew_step_error(objective),
         unexplained_at_first: 0.0,

@@ -61,43 +61,15 @@ impl SecondLooks {
 pub(super) type Accepted = (Rival, MissingEffect);
 
 /// Screens, races and judges; the winner if it is accepted. Where what acts in a joint shows in its own channel alone,
-/// the winners at other joints come with it; held-out logs that contradict the leader at one joint say nothing about
-/// the others, which are then tried without it; and what is found at others changes nothing at that joint, which is not
-/// tried again.
+/// each joint has a winner of its own; one at which nothing was found is not tried again until something changes there.
 pub(super) fn round(
     objective: &mut Objective,
     state: &mut DiagnosisState,
     second_looks: &mut SecondLooks,
 ) -> Vec<Accepted> {
     let mut offered = state.offered(objective);
-    offered.retain(|&candidate| !state.contradicted.contains(&objective.candidates()[candidate].site));
-    let found = attempt(objective, state, second_looks, &offered);
-    if !found.is_empty() || !objective.description.is_decoupled {
-        return found;
-    }
-    let (first, unconfirmed) = (state.rounds.len(), state.unconfirmed.take());
-    while let Some(site) = site_of_the_leader(objective, state).filter(|_| !objective.is_stopped()) {
-        let before = offered.len();
-        offered.retain(|&candidate| objective.candidates()[candidate].site != site);
-        state.contradicted.push(site);
-        if offered.len() == before || offered.is_empty() {
-            break;
-        }
-        let (before, found) = (state.rounds.len(), attempt(objective, state, second_looks, &offered));
-        if !found.is_empty() {
-            state.rounds.drain(first - 1..before);
-            return found;
-        }
-    }
-    state.rounds.truncate(first);
-    state.unconfirmed = unconfirmed;
-    Vec::new()
-}
-
-/// The site of the candidate that fits best in the last round.
-fn site_of_the_leader(objective: &Objective, state: &DiagnosisState) -> Option<String> {
-    let name = &state.rounds.last()?.first()?.name;
-    objective.candidates().iter().find(|candidate| candidate.name() == *name).map(|candidate| candidate.site.clone())
+    offered.retain(|&candidate| !state.is_settled(objective, candidate));
+    attempt(objective, state, second_looks, &offered)
 }
 
 /// One attempt of a round, with the candidates `offered`.
@@ -125,9 +97,11 @@ fn attempt(
     }
     let judged = judge_rivals(objective, state, rivals.clone());
     // Of a prescribed motion no probe predicts too little.
-    let looks_again = leaves_much(objective, &rivals) && !objective.description.is_decoupled;
-    if judged.is_some() || !looks_again || !second_looks.allow(objective) {
-        return judged.map_or_else(Vec::new, |first| with_other_joints(objective, state, first, &rivals));
+    if objective.description.is_decoupled {
+        return with_other_joints(objective, state, judged, (&rivals, offered));
+    }
+    if judged.is_some() || !leaves_much(objective, &rivals) || !second_looks.allow(objective) {
+        return judged.into_iter().collect();
     }
     let others = not_fitted(&rivals, offered);
     let late = last_chance_of_the_best(objective, &state.fit, &others, &rivals[0].fit);
@@ -135,27 +109,36 @@ fn attempt(
     judge_rivals(objective, state, best_of_each(rivals.into_iter().chain(late).collect())).into_iter().collect()
 }
 
-/// A winner, and those at other joints if all of them show in their joint's channel alone. An effect of the links shows
-/// in all channels: what a joint seemed to lack may have been that.
+/// The winner and those at other joints, if it shows in its joint's channel alone. An effect of the links shows in all
+/// channels: what a joint seemed to lack may have been that, so it is accepted first. Where the held-out logs
+/// contradict what fits best, each joint is judged by itself, and then what shows in all channels.
 fn with_other_joints(
     objective: &Objective,
     state: &mut DiagnosisState,
-    first: Accepted,
-    rivals: &[Rival],
+    winner: Option<Accepted>,
+    (rivals, offered): (&[Rival], &[usize]),
 ) -> Vec<Accepted> {
-    let winner = first.0.candidate;
-    let mut all = vec![first];
-    if !own::is_apart(objective, winner) {
+    let first = winner.as_ref().map(|(rival, _)| rival.candidate);
+    let mut all: Vec<Accepted> = winner.into_iter().collect();
+    if first.is_some_and(|first| !own::is_apart(objective, first)) {
         return all;
     }
-    for joint in own::joints(objective, rivals.iter().map(|rival| rival.candidate)) {
-        if !own::shows_in(objective, winner, joint) {
-            let here = rivals.iter().filter(|rival| own::shows_in(objective, rival.candidate, joint)).cloned();
-            let (unconfirmed, found) = (state.unconfirmed.take(), judge_rivals(objective, state, here.collect()));
-            state.unconfirmed = unconfirmed;
-            all.extend(found);
+    let unconfirmed = state.unconfirmed.take();
+    for joint in own::joints(objective, offered.iter().copied()) {
+        if first.is_some_and(|first| own::shows_in(objective, first, joint)) {
+            continue;
+        }
+        let here = rivals.iter().filter(|rival| own::shows_in(objective, rival.candidate, joint)).cloned();
+        match judge_rivals(objective, state, here.collect()) {
+            Some(found) => all.push(found),
+            None => state.settled.push(joint.to_vec()),
         }
     }
+    if all.is_empty() {
+        let of_links = rivals.iter().filter(|rival| !own::is_apart(objective, rival.candidate)).cloned();
+        all.extend(judge_rivals(objective, state, of_links.collect()));
+    }
+    state.unconfirmed = unconfirmed;
     all
 }
 

@@ -34,8 +34,8 @@ pub(super) struct DiagnosisState {
     pub(super) rounds: Vec<Vec<RankedCandidate>>,
     /// What the training logs show best in the last round, if the held-out logs did not confirm it.
     pub(super) unconfirmed: Option<(Rival, MissingEffect)>,
-    /// Where each channel is a question of its own: sites at which held-out logs contradict what training logs show.
-    pub(super) contradicted: Vec<String>,
+    /// Where each joint is a question of its own: channels in which nothing was found since something changed there.
+    pub(super) settled: Vec<Vec<String>>,
     /// What the last round ranked first, if it accepted nothing.
     pub(super) left_over: Option<RankedCandidate>,
     /// The integrator's error, in multiples of the noise floor.
@@ -57,6 +57,11 @@ impl DiagnosisState {
             .filter(|(index, candidate)| !self.is_chosen(*index) && acts(&candidate.needs))
             .map(|(index, _)| index)
             .collect()
+    }
+
+    /// Whether a candidate shows only where nothing was found since something changed there.
+    pub(super) fn is_settled(&self, objective: &Objective, candidate: usize) -> bool {
+        self.settled.iter().any(|joint| own::shows_in(objective, candidate, joint))
     }
 
     pub(super) fn is_chosen(&self, candidate: usize) -> bool {
@@ -108,7 +113,7 @@ impl DiagnosisState {
         self.unexplained_at_first = self.unexplained_at_first.max(before.judged);
         let Some(found) = self.chosen.last().map(|found| found.candidate) else { return };
         if !own::is_apart(objective, found) {
-            self.contradicted.clear();
+            self.settled.clear();
         }
         let after = LogErrors::of(objective, found, &self.fit, self.held_out);
         let evidence = Evidence::of(&before, &after, own_at_first.unwrap_or(self.unexplained_at_first));
