@@ -16,7 +16,6 @@ mod residual_law;
 mod round;
 mod screen;
 mod short_parts;
-mod split;
 mod state;
 pub mod thresholds;
 mod together;

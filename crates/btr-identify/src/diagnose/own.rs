@@ -1,8 +1,6 @@
 //! Errors where a candidate acts. Where the motion is prescribed, what acts in a joint shows in that joint's torque
 //! alone: whether it explains enough is then a question about this channel, however much is left in others.
 
-use super::screen;
-use super::screen::StartPoint;
 use crate::fit::measure::residual_without_step_error;
 use crate::fit::residual_vector::{chi, squares};
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
@@ -39,25 +37,6 @@ pub(super) fn joints<'a>(objective: &'a Objective, of: impl Iterator<Item = usiz
 /// Whether a candidate shows in these channels alone.
 pub(super) fn shows_in(objective: &Objective, candidate: usize, joint: &[String]) -> bool {
     channels(objective, candidate) == Some(joint)
-}
-
-/// The best start of each candidate, best first: at most `most` of those that show in all channels, and so many of each
-/// joint whose candidates show in its channel alone. Each joint is then a question of its own, and all are answered at
-/// once.
-pub(super) fn best(
-    objective: &Objective,
-    starts: Vec<StartPoint>,
-    (most, of_joint): (usize, usize),
-) -> Vec<StartPoint> {
-    let joints = joints(objective, starts.iter().map(|start| start.candidate));
-    let (apart, shared): (Vec<_>, Vec<_>) = starts.into_iter().partition(|start| is_apart(objective, start.candidate));
-    let mut kept = screen::best(shared, most);
-    for joint in joints {
-        let here = apart.iter().filter(|start| shows_in(objective, start.candidate, joint)).cloned().collect();
-        kept.extend(screen::best(here, of_joint));
-    }
-    kept.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    kept
 }
 
 /// Which parameters adapt to a candidate while it competes: where that shows in a joint's channel alone, those that do

@@ -1,11 +1,9 @@
 //! Fitting the free parameters to measurements: an objective, a bounded search, start states, and estimates with
 //! intervals.
 
-mod blocks;
 mod derivative;
 mod estimate;
 mod fitted;
-mod inertia;
 pub(crate) mod measure;
 mod objective;
 mod remaining;
@@ -14,7 +12,6 @@ mod rollouts;
 mod settle;
 mod solve;
 mod start;
-mod superposition;
 mod time_step;
 
 pub use crate::residual_model::NOISE;

@@ -1,8 +1,7 @@
 //! Bounded least squares with priors: the Levenberg-Marquardt method on finite differences, with Broyden updates
 //! between Jacobians, because a Jacobian costs a rollout per parameter and log.
 
-use super::blocks;
-use super::objective::{LogSet, Objective};
+use super::objective::{LogSet, Objective, blocks};
 use super::residual_vector::{ResidualVector, chi, corrected, squares};
 use crate::residual_model::FitParameter;
 use btr_core::optimize::QuadraticModel;

@@ -9,8 +9,8 @@ pub(crate) fn steiner(mass_kg: f64, arm: &Vector3<f64>) -> Matrix3<f64> {
 }
 
 impl Link {
-    /// Mass in kg, mass times centre of mass in kg·m, and inertia about the origin of the link's frame in kg·m² (xx, yy,
-    /// zz, xy, xz, yz).
+    /// Mass in kg, mass times centre of mass in kg·m, and inertia about the origin of the link's frame in kg·m² (xx,
+    /// yy, zz, xy, xz, yz).
     pub fn inertial_parameters(&self) -> [f64; 10] {
         let first = self.com_m.coords * self.mass_kg;
         let i = self.inertia_kg_m2 + steiner(self.mass_kg, &self.com_m.coords);

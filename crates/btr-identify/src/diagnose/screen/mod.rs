@@ -79,7 +79,7 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
         let base = BasePoint::new(objective, index, &on_log, vec![log]);
         base.map_or_else(Vec::new, |base| base.predicted_together(objective, &offered, &COARSE, &reached))
     };
-    let coarse = own::best(objective, bases.iter().enumerate().flat_map(probe_coarsely).collect(), COARSE_PASS);
+    let coarse = best_of_joints(objective, bases.iter().enumerate().flat_map(probe_coarsely).collect(), COARSE_PASS);
     // Each candidate is probed from the first base, and from the one with its best prediction.
     let probe_finely = |(index, base): (usize, &FitPoint)| {
         let Some(point) = BasePoint::new(objective, index, base, objective.logs(LogSet::Learn).to_vec()) else {
@@ -92,7 +92,7 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
         (near, far)
     };
     let (near, far): (Vec<Vec<StartPoint>>, Vec<Vec<StartPoint>>) = bases.iter().enumerate().map(probe_finely).unzip();
-    let mut predicted = own::best(objective, near.concat(), VERIFIED);
+    let mut predicted = best_of_joints(objective, near.concat(), VERIFIED);
     predicted.extend(best(far.concat(), STRIKING));
     predicted.extend(coarse.iter().take(STRIKING).cloned());
     verify(objective, bases, &predicted)
@@ -137,6 +137,22 @@ pub(super) fn best(mut starts: Vec<StartPoint>, most: usize) -> Vec<StartPoint> 
             kept.push(start);
         }
     }
+    kept
+}
+
+/// The best start of each candidate, best first: at most `most` of those that show in all channels, and so many of each
+/// joint whose candidates show in its channel alone. Each joint is then a question of its own, and all are answered at
+/// once.
+fn best_of_joints(objective: &Objective, starts: Vec<StartPoint>, (most, of_joint): (usize, usize)) -> Vec<StartPoint> {
+    let joints = own::joints(objective, starts.iter().map(|start| start.candidate));
+    let (apart, shared): (Vec<_>, Vec<_>) =
+        starts.into_iter().partition(|start| own::is_apart(objective, start.candidate));
+    let mut kept = best(shared, most);
+    for joint in joints {
+        let here = apart.iter().filter(|start| own::shows_in(objective, start.candidate, joint)).cloned().collect();
+        kept.extend(best(here, of_joint));
+    }
+    kept.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     kept
 }
 

@@ -1,4 +1,4 @@
-//! A motor that turns with a joint and with the joint after it in the chain: see [`coupling`](crate::effects::coupling).
+//! A motor that turns with a joint and with the joint after it in the chain.
 
 use crate::actuation::{JointInput, NeighbourQuantity};
 use crate::effects::coupling;

@@ -5,9 +5,8 @@
 //! A sum equals the simulation but for rounding, and has the same bits whatever was kept before.
 
 use super::inertia::InertiaResponse;
-use super::objective::Objective;
-use super::rollouts::{rows_near, shared};
-use crate::residual_model::{AdditiveParameter, ModelDescription, RecordedLog};
+use crate::fit::rollouts::{rows_near, shared};
+use crate::residual_model::{AdditiveParameter, ModelDescription, RecordedLog, ResidualModel};
 use btr_core::world::WorldError;
 use rayon::prelude::*;
 use std::collections::hash_map::Entry;
@@ -21,6 +20,13 @@ const MOST_KEPT: usize = 1 << 25;
 type Simulated = Result<Arc<Vec<f64>>, WorldError>;
 /// Simulates points in logs.
 pub(super) type Simulate<'a> = dyn Fn(&[(Vec<f64>, usize)]) -> Vec<Result<Vec<f64>, WorldError>> + 'a;
+
+/// The residual model with its description.
+#[derive(Clone, Copy)]
+pub(super) struct Problem<'a> {
+    pub(super) model: &'a dyn ResidualModel,
+    pub(super) description: &'a ModelDescription,
+}
 
 /// What has to be simulated: the bits of coordinates make it exact.
 #[derive(Clone, PartialEq, Eq, Hash)]
@@ -75,7 +81,7 @@ impl Superposition {
     /// The residuals at points in logs.
     pub(super) fn residuals(
         &self,
-        objective: &Objective,
+        problem: Problem,
         points: &[(&[f64], usize)],
         simulate: &Simulate,
     ) -> Vec<Result<Vec<f64>, WorldError>> {
@@ -88,16 +94,16 @@ impl Superposition {
         let off = |part: &Parts| Parts::off(part.log, part.rest.len()).key();
         simulate_rests(kept, parts.iter().map(off).collect(), simulate);
         let added: Vec<Option<Arc<Vec<f64>>>> =
-            parts.iter_mut().map(|part| self.of_links(objective, kept, inertias, part, simulate)).collect();
+            parts.iter_mut().map(|part| self.of_links(problem, kept, inertias, part, simulate)).collect();
         simulate_rests(kept, parts.iter().map(Parts::key).collect(), simulate);
         let responses = parts
             .iter()
             .zip(points)
             .flat_map(|(part, (u, _))| part.added.iter().map(|&index| self.response(part.log, index, u)));
-        self.simulate_responses(objective, kept, responses.collect(), simulate);
+        self.simulate_responses(problem, kept, responses.collect(), simulate);
         let kept = &*kept;
         let sum = |((part, (u, _)), links): ((&Parts, &(&[f64], usize)), &Option<Arc<Vec<f64>>>)| {
-            let mut residual = self.sum(objective, kept, part, u)?;
+            let mut residual = self.sum(problem, kept, part, u)?;
             links.iter().for_each(|links| residual.iter_mut().zip(links.iter()).for_each(|(r, change)| *r += change));
             Ok(residual)
         };
@@ -108,7 +114,7 @@ impl Superposition {
     /// simulation. `None` without such parameters, or where they cannot be told apart: then they are part of the rest.
     fn of_links(
         &self,
-        objective: &Objective,
+        problem: Problem,
         kept: &HashMap<Key, Simulated>,
         inertias: &mut HashMap<usize, InertiaResponse>,
         part: &mut Parts,
@@ -118,7 +124,7 @@ impl Superposition {
         let log = part.log;
         let change = (|| {
             let off = kept.get(&Parts::off(log, links.len()).key())?.as_ref().ok()?;
-            let at = |u: &[f64]| objective.model.inertias(u, log);
+            let at = |u: &[f64]| problem.model.inertias(u, log);
             let known = match inertias.entry(log) {
                 Entry::Occupied(known) => known.into_mut(),
                 Entry::Vacant(none) => none.insert(InertiaResponse::new(at(&vec![0.0; links.len()])?)),
@@ -166,14 +172,14 @@ impl Superposition {
     /// Simulates responses that are not known, those of different channels together.
     fn simulate_responses(
         &self,
-        objective: &Objective,
+        problem: Problem,
         kept: &mut HashMap<Key, Simulated>,
         keys: Vec<Key>,
         simulate: &Simulate,
     ) {
         let missing = missing(kept, keys);
         let mut probes: Vec<(Vec<f64>, usize, Vec<&Key>)> = Vec::new();
-        for log in 0..objective.description.logs.len() {
+        for log in 0..problem.description.logs.len() {
             let of_log: Vec<(&Key, &AdditiveParameter, &Vec<u64>)> = missing
                 .iter()
                 .filter_map(|key| match key {
@@ -184,10 +190,10 @@ impl Superposition {
                 })
                 .collect();
             for group in shared(of_log.iter().map(|(_, additive, _)| additive.channels.as_slice())) {
-                let mut u = vec![0.0; objective.parameters().len()];
+                let mut u = vec![0.0; problem.description.parameters.len()];
                 for &member in &group {
                     let (_, additive, shapes) = of_log[member];
-                    u[additive.parameter] = unit(objective, additive.parameter);
+                    u[additive.parameter] = unit(problem, additive.parameter);
                     additive.shapes.iter().zip(shapes).for_each(|(&shape, bits)| u[shape] = f64::from_bits(*bits));
                 }
                 probes.push((u, log, group.into_iter().map(|member| of_log[member].0).collect()));
@@ -195,10 +201,10 @@ impl Superposition {
         }
         let residuals = simulate(&probes.iter().map(|(u, log, _)| (u.clone(), *log)).collect::<Vec<_>>());
         for ((_, log, keys), residual) in probes.iter().zip(residuals) {
-            let off = kept.get(&Parts::off(*log, objective.parameters().len()).key()).cloned();
+            let off = kept.get(&Parts::off(*log, problem.description.parameters.len()).key()).cloned();
             for &key in keys {
                 let response = match (&residual, &off) {
-                    (Ok(with), Some(Ok(off))) => Ok(Arc::new(self.change(objective, key, with, off))),
+                    (Ok(with), Some(Ok(off))) => Ok(Arc::new(self.change(problem, key, with, off))),
                     (Err(error), _) | (_, Some(Err(error))) => Err(error.clone()),
                     (Ok(_), None) => continue,
                 };
@@ -208,17 +214,17 @@ impl Superposition {
     }
 
     /// The change of the residual for a unit of an additive parameter, in the rows where it shows.
-    fn change(&self, objective: &Objective, key: &Key, with: &[f64], off: &[f64]) -> Vec<f64> {
+    fn change(&self, problem: Problem, key: &Key, with: &[f64], off: &[f64]) -> Vec<f64> {
         let Key::Response { log, index, .. } = key else { return Vec::new() };
         let additive = &self.additive[*index];
-        let unit = unit(objective, additive.parameter);
+        let unit = unit(problem, additive.parameter);
         let change = |row: usize| (with[row] - off[row]) / unit;
-        rows(objective, *log, additive).map(|row| finite(change(row))).collect()
+        rows(problem, *log, additive).map(|row| finite(change(row))).collect()
     }
 
     fn sum(
         &self,
-        objective: &Objective,
+        problem: Problem,
         kept: &HashMap<Key, Simulated>,
         part: &Parts,
         u: &[f64],
@@ -231,9 +237,7 @@ impl Superposition {
         for &index in &part.added {
             let (additive, response) = (&self.additive[index], known(&self.response(part.log, index, u))?);
             let coordinate = u[additive.parameter];
-            rows(objective, part.log, additive)
-                .zip(response.iter())
-                .for_each(|(row, r)| residual[row] += coordinate * r);
+            rows(problem, part.log, additive).zip(response.iter()).for_each(|(row, r)| residual[row] += coordinate * r);
         }
         Ok(residual)
     }
@@ -273,14 +277,14 @@ fn missing(kept: &HashMap<Key, Simulated>, keys: Vec<Key>) -> Vec<Key> {
 }
 
 /// The coordinate at which the response to a parameter is simulated.
-fn unit(objective: &Objective, parameter: usize) -> f64 {
-    let parameter = &objective.parameters()[parameter];
+fn unit(problem: Problem, parameter: usize) -> f64 {
+    let parameter = &problem.description.parameters[parameter];
     let unit = parameter.clamp(1.0);
     if unit == 0.0 { parameter.clamp(-1.0) } else { unit }
 }
 
 /// The rows of a log's residual in which a parameter shows.
-fn rows(objective: &Objective, log: usize, additive: &AdditiveParameter) -> impl Iterator<Item = usize> {
-    let log: &RecordedLog = &objective.description.logs[log];
+fn rows(problem: Problem, log: usize, additive: &AdditiveParameter) -> impl Iterator<Item = usize> {
+    let log: &RecordedLog = &problem.description.logs[log];
     rows_near(log, &additive.channels).into_iter().flatten()
 }

@@ -1,13 +1,13 @@
 //! A law that contains two simpler ones, in their place: friction with four constants where Coulomb's and viscous
 //! friction will do.
 
-use super::evidence::LogErrors;
-use super::own;
-use super::report::{Evidence, MissingEffect};
-use super::screen::with;
-use super::state::DiagnosisState;
-use super::thresholds::{HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::LadderStep;
+use crate::diagnose::evidence::LogErrors;
+use crate::diagnose::own;
+use crate::diagnose::report::{Evidence, MissingEffect};
+use crate::diagnose::screen::with;
+use crate::diagnose::state::DiagnosisState;
+use crate::diagnose::thresholds::{HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::fit::measure::ComparisonMeasure;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 
@@ -22,7 +22,7 @@ struct Parts {
 
 impl DiagnosisState {
     /// Replaces findings by two laws that they contain, of fewer parameters together, where these explain as much.
-    pub(super) fn split(&mut self, objective: &Objective, on_step: &dyn Fn(&LadderStep)) {
+    pub(in crate::diagnose) fn split(&mut self, objective: &Objective, on_step: &dyn Fn(&LadderStep)) {
         for index in 0..self.chosen.len() {
             let parts = if self.may_depend_on_latest(objective, index) { self.parts(objective, index) } else { None };
             if let Some(parts) = parts.filter(|parts| self.will_do(objective, parts)) {

@@ -1,12 +1,14 @@
 //! How findings are replaced: by a simpler effect that will do, or by one that could not be told from them before.
 
-use super::own;
-use super::refit::{CLOSE, Rival, race};
-use super::report::RankedCandidate;
-use super::screen::{StartPoint, screen, with};
-use super::state::{DiagnosisState, earns_its_parameters};
-use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
+mod split;
+
 use crate::LadderStep;
+use crate::diagnose::own;
+use crate::diagnose::refit::{CLOSE, Rival, race};
+use crate::diagnose::report::RankedCandidate;
+use crate::diagnose::screen::{StartPoint, screen, with};
+use crate::diagnose::state::{DiagnosisState, earns_its_parameters};
+use crate::diagnose::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
 use crate::fit::{FitPoint, Objective, SearchBudget};
 use crate::residual_model::Parametrisation;

@@ -1,16 +1,20 @@
 //! Evaluation of a residual model: many points and logs at once, with a count of rollouts.
 
-use super::blocks::Block;
+pub(super) mod blocks;
+mod inertia;
+mod superposition;
+
+use self::blocks::{Block, OwnChannels};
+use self::superposition::{Problem, Superposition};
 use super::residual_vector::{ResidualVector, squares};
 use super::rollouts::{each, rows_near, shared};
 use super::start::{MOVED, StartStates, nearest_starts};
-use super::superposition::Superposition;
 use super::time_step::{extrapolation, finer_step};
 use crate::residual_model::{
-    Derivation, EffectCandidate, FitParameter, LawTerm, ModelDescription, ResidualModel, ResidualRequest, TimeStep,
+    Derivation, EffectCandidate, FitParameter, LawTerm, ModelDescription, RecordedLog, ResidualModel, ResidualRequest,
+    TimeStep,
 };
 use btr_core::world::{Cancelled, WorldError};
-use std::collections::HashMap;
 use std::iter::{once, once_with};
 use std::ops::Range;
 use std::sync::Arc;
@@ -33,8 +37,7 @@ pub struct Objective<'a> {
     starts: StartStates,
     step: TimeStep,
     superposition: Superposition,
-    /// For each parameter of what acts in one joint of a prescribed motion, the channels in which it shows.
-    own_channels: HashMap<usize, Vec<String>>,
+    own_channels: OwnChannels,
     rollouts: AtomicUsize,
     stop_signal: Option<StopSignal>,
     /// Whether the signal counts now: the first evaluation and the final report are always finished.
@@ -76,29 +79,13 @@ impl<'a> Objective<'a> {
     /// The channels in which a parameter shows, where the motion is prescribed and the parameter is one of what acts in
     /// a joint; empty where it shows in all.
     pub(crate) fn channels_of(&self, parameter: usize) -> &[String] {
-        self.own_channels.get(&parameter).map_or(&[], Vec::as_slice)
+        self.own_channels.of(parameter)
     }
 
     /// The blocks of the training logs' Jacobian with respect to some parameters; none where it is dense.
     pub(super) fn blocks(&self, active: &[usize]) -> Vec<Block> {
-        if self.own_channels.is_empty() {
-            return Vec::new();
-        }
-        let mut names: Vec<&String> = Vec::new();
-        for channel in self.learn.iter().flat_map(|&log| &self.description.logs[log].channels) {
-            if !names.contains(&&channel.name) {
-                names.push(&channel.name);
-            }
-        }
-        let shows = |parameter: usize, name: &String| {
-            let near = self.channels_of(parameter);
-            near.is_empty() || near.contains(name)
-        };
-        let block = |name: &String| Block {
-            rows: self.rows_near(LogSet::Learn, std::slice::from_ref(name)),
-            columns: (0..active.len()).filter(|&k| shows(active[k], name)).collect(),
-        };
-        names.into_iter().map(block).collect()
+        let logs: Vec<&RecordedLog> = self.learn.iter().map(|&log| &self.description.logs[log]).collect();
+        self.own_channels.blocks(&logs, active)
     }
 
     /// Residuals with each of some parameters moved, those of different joints of a prescribed motion in one rollout;
@@ -139,7 +126,7 @@ impl<'a> Objective<'a> {
         Objective {
             model,
             superposition: Superposition::new(&description),
-            own_channels: own_channels(&description),
+            own_channels: OwnChannels::new(&description),
             description,
             learn,
             held_out,
@@ -300,7 +287,8 @@ impl<'a> Objective<'a> {
             let points: Vec<(&[f64], usize)> = points.iter().map(|(u, log)| (u.as_slice(), *log)).collect();
             self.simulated(&points, self.step(), &|_, residual| residual)
         };
-        let residuals = self.superposition.residuals(self, points, &simulate);
+        let problem = Problem { model: self.model, description: &self.description };
+        let residuals = self.superposition.residuals(problem, points, &simulate);
         points.iter().zip(residuals).map(|((_, log), residual)| self.known(*log, residual)).collect()
     }
 
@@ -361,19 +349,6 @@ impl<'a> Objective<'a> {
         let beyond = extrapolation(self.description.order);
         halved.iter().zip(usual).map(|(h, r)| (beyond * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()
     }
-}
-
-/// For each parameter of what acts in one joint of a prescribed motion, the channels in which it shows.
-fn own_channels(description: &ModelDescription) -> HashMap<usize, Vec<String>> {
-    if !description.is_decoupled {
-        return HashMap::new();
-    }
-    let candidates = description.candidates.iter().zip(&description.candidate_channels);
-    let of_candidates = candidates.flat_map(|(candidate, near)| candidate.parameters().map(move |k| (k, near)));
-    let laws = description.law_terms.iter().flat_map(|law| law.term.parameters().map(|k| (k, &law.channels)));
-    let additive = description.additive.iter().map(|additive| (additive.parameter, &additive.channels));
-    let all = of_candidates.chain(laws).chain(additive);
-    all.filter(|(_, near)| !near.is_empty()).map(|(parameter, near)| (parameter, near.clone())).collect()
 }
 
 #[cfg(test)]

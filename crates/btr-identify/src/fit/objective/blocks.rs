@@ -1,0 +1,135 @@
+//! Blocks of a Jacobian. Where the motion is prescribed, a joint's torque depends on what acts in that joint and on the
+//! links, so that most of the Jacobian is zero: sums over it skip that, and updates leave it.
+
+use crate::fit::rollouts::rows_near;
+use crate::residual_model::{ModelDescription, RecordedLog};
+use nalgebra::{DMatrix, DVector};
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// For each parameter of what acts in one joint of a prescribed motion, the channels in which it shows.
+pub(super) struct OwnChannels(HashMap<usize, Vec<String>>);
+
+impl OwnChannels {
+    pub(super) fn new(description: &ModelDescription) -> Self {
+        if !description.is_decoupled {
+            return OwnChannels(HashMap::new());
+        }
+        let candidates = description.candidates.iter().zip(&description.candidate_channels);
+        let of_candidates = candidates.flat_map(|(candidate, near)| candidate.parameters().map(move |k| (k, near)));
+        let laws = description.law_terms.iter().flat_map(|law| law.term.parameters().map(|k| (k, &law.channels)));
+        let additive = description.additive.iter().map(|additive| (additive.parameter, &additive.channels));
+        let all = of_candidates.chain(laws).chain(additive);
+        OwnChannels(all.filter(|(_, near)| !near.is_empty()).map(|(k, near)| (k, near.clone())).collect())
+    }
+
+    /// The channels of a parameter; empty where it shows in all.
+    pub(super) fn of(&self, parameter: usize) -> &[String] {
+        self.0.get(&parameter).map_or(&[], Vec::as_slice)
+    }
+
+    /// The blocks of the Jacobian of these logs with respect to some parameters; none where it is dense.
+    pub(super) fn blocks(&self, logs: &[&RecordedLog], active: &[usize]) -> Vec<Block> {
+        if self.0.is_empty() {
+            return Vec::new();
+        }
+        let mut blocks: Vec<(&String, Block)> = Vec::new();
+        let mut first = 0;
+        for log in logs {
+            for name in log.channels.iter().map(|channel| &channel.name) {
+                let rows = rows_near(log, std::slice::from_ref(name)).into_iter();
+                let rows = rows.map(|rows| first + rows.start..first + rows.end);
+                match blocks.iter_mut().find(|(known, _)| *known == name) {
+                    Some((_, block)) => block.rows.extend(rows),
+                    None => blocks.push((name, Block { rows: rows.collect(), columns: self.columns(name, active) })),
+                }
+            }
+            first += log.rows();
+        }
+        blocks.into_iter().map(|(_, block)| block).collect()
+    }
+
+    /// Which of some parameters show in a channel.
+    fn columns(&self, channel: &String, active: &[usize]) -> Vec<usize> {
+        let shows = |parameter: usize| {
+            let near = self.of(parameter);
+            near.is_empty() || near.contains(channel)
+        };
+        (0..active.len()).filter(|&k| shows(active[k])).collect()
+    }
+}
+
+/// Rows, and the columns that may differ from zero there.
+pub(in crate::fit) struct Block {
+    rows: Vec<Range<usize>>,
+    columns: Vec<usize>,
+}
+
+/// JᵀJ. Without blocks, the Jacobian is dense.
+pub(in crate::fit) fn curvature(jacobian: &DMatrix<f64>, blocks: &[Block]) -> DMatrix<f64> {
+    if blocks.is_empty() {
+        return jacobian.tr_mul(jacobian);
+    }
+    let mut curvature = DMatrix::zeros(jacobian.ncols(), jacobian.ncols());
+    for Block { rows, columns } in blocks {
+        for rows in rows {
+            let part = jacobian.rows(rows.start, rows.len()).select_columns(columns);
+            let sums = part.tr_mul(&part);
+            for (i, &row) in columns.iter().enumerate() {
+                columns.iter().enumerate().for_each(|(j, &column)| curvature[(row, column)] += sums[(i, j)]);
+            }
+        }
+    }
+    curvature
+}
+
+/// Broyden's update of a Jacobian after a step, by the `difference` from what it predicted; within blocks, Schubert's.
+pub(in crate::fit) fn update(
+    jacobian: &mut DMatrix<f64>,
+    difference: &DVector<f64>,
+    moved: &DVector<f64>,
+    blocks: &[Block],
+) {
+    if blocks.is_empty() {
+        jacobian.ger(1.0 / moved.norm_squared(), difference, moved, 1.0);
+        return;
+    }
+    for Block { rows, columns } in blocks {
+        let length: f64 = columns.iter().map(|&column| moved[column] * moved[column]).sum();
+        if length == 0.0 {
+            continue;
+        }
+        for (rows, &column) in rows.iter().flat_map(|rows| columns.iter().map(move |column| (rows, column))) {
+            let part = difference.rows(rows.start, rows.len());
+            jacobian.column_mut(column).rows_mut(rows.start, rows.len()).axpy(moved[column] / length, &part, 1.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn blocks() -> [Block; 2] {
+        [Block { rows: vec![0..2, 4..5], columns: vec![0, 2] }, Block { rows: vec![2..4], columns: vec![1, 2] }]
+    }
+
+    fn jacobian() -> DMatrix<f64> {
+        DMatrix::from_row_slice(5, 3, &[1.0, 0.0, 2.0, 3.0, 0.0, 4.0, 0.0, 5.0, 6.0, 0.0, 7.0, 8.0, 9.0, 0.0, 10.0])
+    }
+
+    #[test]
+    fn sums_over_blocks_are_those_over_the_whole() {
+        assert_eq!(curvature(&jacobian(), &blocks()), curvature(&jacobian(), &[]));
+    }
+
+    #[test]
+    fn an_update_within_blocks_meets_the_difference_and_leaves_zeros() {
+        let (mut jacobian, moved) = (jacobian(), DVector::from_vec(vec![0.5, -1.0, 0.25]));
+        let change = DVector::from_vec(vec![1.0, -2.0, 3.0, 0.5, 0.25]);
+        let difference = &change - &jacobian * &moved;
+        update(&mut jacobian, &difference, &moved, &blocks());
+        assert!((&jacobian * &moved - change).norm() < 1e-12);
+        assert_eq!([jacobian[(0, 1)], jacobian[(4, 1)], jacobian[(2, 0)], jacobian[(3, 0)]], [0.0; 4]);
+    }
+}
