@@ -143,6 +143,83 @@ fn a_coupled_joint_is_told_as_a_law_over_its_neighbour() {
     assert!(law["explains"].as_f64().unwrap() > 0.8, "{law}");
 }
 
+/// Motors of which one turns with both joints, as in many wrists: its friction and rotor act on both, beside friction of
+/// each joint, which is told as what it is and not as a law of four constants.
+#[test]
+fn a_motor_that_turns_with_two_joints_is_named_at_both() {
+    let lab = Lab::new();
+    lab.write("leg.urdf", URDF);
+    lab.write("leg.toml", MODEL);
+    let hidden = |joint: &str, side: &str| {
+        let friction =
+            |name: &str, value: &str| format!("\n[[effects]]\neffect = \"{name}\"\nsite = \"{joint}\"\n{value}\n");
+        [
+            friction("viscous_friction", "coefficient = 0.3"),
+            friction("coulomb_friction", "torque = 0.5"),
+            friction(side, "coulomb = 0.25\nviscous = 0.1\ninertia = 0.01\nratio = 1.0"),
+        ]
+        .concat()
+    };
+    lab.write(
+        "truth.toml",
+        &format!("{MODEL}{}{}", hidden("hip", "child_coupling"), hidden("knee", "parent_coupling")),
+    );
+    for (name, phase) in [("learn", 0.0), ("held_out", 2.0)] {
+        record(&lab, name, phase);
+    }
+    let answer = lab.json("diagnose leg.toml learn.csv --held-out held_out.csv -q");
+    let mut found: Vec<String> = Vec::new();
+    for effect in answer["effects"].as_array().unwrap() {
+        for parameter in effect["parameters"].as_array().unwrap() {
+            let (name, value) = (parameter["name"].as_str().unwrap(), parameter["value"].as_f64().unwrap());
+            let truth = [
+                ("viscous_friction.coefficient", 0.3),
+                ("coulomb_friction.torque", 0.5),
+                ("coupling.coulomb", 0.25),
+                ("coupling.viscous", 0.1),
+                ("coupling.inertia", 0.01),
+                ("coupling.ratio", 1.0),
+            ];
+            let (_, truth) =
+                truth.iter().find(|(of, _)| name.contains(of)).unwrap_or_else(|| panic!("{name} {answer}"));
+            assert!((value / truth - 1.0).abs() < 0.1, "{name} = {value}: {answer}");
+        }
+        match effect["site"].as_array() {
+            Some(sites) => found.extend(sites.iter().map(|site| format!("{}@{}", effect["effect"], site))),
+            None => found.push(format!("{}@{}", effect["effect"], effect["site"])),
+        }
+    }
+    assert_eq!(answer["verdict"], "effect_missing", "{answer}");
+    assert_eq!(found.len(), 6, "{found:?}");
+}
+
+/// A log of what `truth.toml` requires, with noise. Simulated torques are smoothed: friction's steps are rounded a little.
+fn record(lab: &Lab, name: &str, phase: f64) {
+    let mut motion = "t,q_hip,q_knee\n".to_owned();
+    let at = |i: u32| {
+        let t = f64::from(i) / RATE_HZ;
+        (t, swing(t, phase, (2.1, 4.7))[0], swing(t, phase, (2.9, 5.3))[0])
+    };
+    for (t, hip, knee) in (0..2 * SAMPLES).map(at) {
+        writeln!(motion, "{t},{hip},{knee}").unwrap();
+    }
+    lab.write("motion.csv", &motion);
+    lab.ok("simulate truth.toml --log motion.csv -q --overwrite -o torque.csv");
+    let required = lab.read("torque.csv");
+    let header: Vec<&str> = required.lines().next().unwrap().split(',').collect();
+    let columns = ["tau_hip", "tau_knee"].map(|name| header.iter().position(|h| *h == name).unwrap());
+    let mut log = "t,q_hip,q_knee,tau_hip,tau_knee\n".to_owned();
+    for (i, line) in (0..2 * SAMPLES).zip(required.lines().skip(1)) {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap_or(f64::NAN)).collect();
+        let (t, hip, knee) = at(i);
+        let noise = |k: usize, sigma: f64| sigma * noise(i, phase + 3.0 * k as f64);
+        let (q_hip, q_knee) = (hip + noise(0, ENCODER_RAD), knee + noise(1, ENCODER_RAD));
+        let (tau_hip, tau_knee) = (cells[columns[0]] + noise(2, TORQUE_NM[0]), cells[columns[1]] + noise(3, 0.02));
+        writeln!(log, "{t},{q_hip},{q_knee},{tau_hip},{tau_knee}").unwrap();
+    }
+    lab.write(&format!("{name}.csv"), &log);
+}
+
 /// The floors are what the truth leaves.
 #[test]
 fn the_true_model_leaves_its_noise_floors() {

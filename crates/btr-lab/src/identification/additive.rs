@@ -19,10 +19,10 @@ impl IdentificationProblem {
     /// The parameters to which the torques of a prescribed motion are proportional: those of frictions, rotors, springs
     /// and ripples at one joint, and of laws. None at a joint with an effect that depends on the torque.
     pub(super) fn additive(&self) -> Vec<AdditiveParameter> {
-        if !self.model.robot.is_prescribed() {
+        if !self.model.robot.is_prescribed() || self.model.effects.iter().any(|placed| reads_torques(placed.effect)) {
             return Vec::new();
         }
-        let everywhere = self.changing_the_motion();
+        let everywhere = self.acting_everywhere();
         let joints = self.model.robot.movable().enumerate().map(|(_, (link, of))| (link, &of.joint));
         joints.flat_map(|(link, joint)| self.additive_at(link, joint, &everywhere)).collect()
     }
@@ -125,8 +125,9 @@ impl IdentificationProblem {
         })
     }
 
-    /// Parameters of effects that change what the encoders read, and with that all motion, or that act in all joints.
-    fn changing_the_motion(&self) -> Vec<usize> {
+    /// Parameters of effects that change what the encoders read, and with that all motion, that act in all joints, or
+    /// that depend on the torque at another joint.
+    fn acting_everywhere(&self) -> Vec<usize> {
         let acts = |effect: &dyn Effect| effect.changes_readings() || effect.spec().site.is_on_joints();
         let offered = self.candidates.iter().zip(&self.changes).zip(&self.near).filter(|(_, near)| near.is_empty());
         let of_candidates = offered.filter_map(|((candidate, change), _)| match change {
@@ -144,6 +145,13 @@ impl IdentificationProblem {
             let in_many = effect.torque_law() == TorqueLaw::Other && target.links().len() != 1;
             (effect.changes_readings() || in_many && acts(effect)).then_some(k)
         });
-        of_candidates.flatten().copied().chain(own).collect()
+        let laws = self.features.iter().zip(&self.terms).filter(|(_, (_, effect))| reads_torques(*effect));
+        let of_laws = laws.flat_map(|(feature, _)| &feature.term.amplitudes);
+        of_candidates.flatten().chain(of_laws).copied().chain(own).collect()
     }
+}
+
+/// Whether an effect depends on the torque at a neighbouring joint.
+fn reads_torques(effect: &dyn Effect) -> bool {
+    effect.neighbours().iter().any(|quantity| quantity.is_torque())
 }

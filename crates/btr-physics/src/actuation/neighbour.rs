@@ -73,7 +73,7 @@ impl NeighbourQuantity {
     }
 
     /// Whether it is a motor's torque.
-    pub(crate) fn is_torque(self) -> bool {
+    pub fn is_torque(self) -> bool {
         matches!(self, NeighbourQuantity::ParentTorque | NeighbourQuantity::ChildTorque)
     }
 }

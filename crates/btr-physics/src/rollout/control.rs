@@ -26,6 +26,8 @@ pub(crate) struct Control<'a> {
     prescribed_torques: Vec<f64>,
     /// Positions and velocities of the joints at the beginning of the step.
     states: Vec<(f64, f64)>,
+    /// The motions of prescribed joints over the step.
+    motions: Vec<Option<PrescribedMotion>>,
     neighbours: NeighbourTracker,
 }
 
@@ -95,9 +97,20 @@ impl<'a> Control<'a> {
         let prescribed = joints.iter().any(|joint| joint.motor.is_prescribed());
         let prescribed_torques = if prescribed { vec![f64::NAN; joints.len()] } else { Vec::new() };
         let (dt_s, begins_s) = (setup.dt_s, setup.begins_s);
-        let states = Vec::with_capacity(joints.len());
+        let (states, motions) = (Vec::with_capacity(joints.len()), Vec::with_capacity(joints.len()));
         let neighbours = NeighbourTracker::new(robot, effects)?;
-        Ok(Control { reference, joints, dt_s, begins_s, coupled, load: 0.0, prescribed_torques, states, neighbours })
+        Ok(Control {
+            reference,
+            joints,
+            dt_s,
+            begins_s,
+            coupled,
+            load: 0.0,
+            prescribed_torques,
+            states,
+            motions,
+            neighbours,
+        })
     }
 
     /// Updates the commands to the references at the present time `time_s`.
@@ -112,20 +125,15 @@ impl<'a> Control<'a> {
 
     /// Sets the joint-level forces for the step that begins at `time_s`.
     pub(crate) fn act(&mut self, time_s: f64, engine: &mut dyn Dynamics) {
-        self.states.clear();
-        self.states.extend(engine.positions().iter().copied().zip(engine.velocities().iter().copied()));
+        self.follow(time_s, engine);
         if self.coupled {
             let states = self.joints.iter().zip(&self.states);
             self.load = states.map(|(joint, &(q, dq))| joint.torque(q, dq).abs()).sum();
         }
         // Before any joint acts, so that their order does not matter.
-        let acceleration = |joint: usize, dq: f64| {
-            let control = &self.joints[joint];
-            let prescribed = control.motor.is_prescribed().then(|| self.reference.prescribed(joint, time_s, self.dt_s));
-            match prescribed.flatten() {
-                Some(motion) => motion.from.acceleration,
-                None => control.before.map_or(0.0, |before| (dq - before) / self.dt_s),
-            }
+        let acceleration = |joint: usize, dq: f64| match &self.motions[joint] {
+            Some(motion) => motion.from.acceleration,
+            None => self.joints[joint].before.map_or(0.0, |before| (dq - before) / self.dt_s),
         };
         self.neighbours.update(&self.states, |joint, (q, dq)| self.joints[joint].torque(q, dq), acceleration);
         let (midpoint, supports_prescribed, enforces_bounds) =
@@ -133,8 +141,7 @@ impl<'a> Control<'a> {
         let (in_the_middle, at_the_end) =
             (self.reference.fraction(time_s + 0.5 * self.dt_s), self.reference.fraction(time_s + self.dt_s));
         for (i, (joint, &(q, dq))) in self.joints.iter_mut().zip(&self.states).enumerate() {
-            let prescribed =
-                if joint.motor.is_prescribed() { self.reference.prescribed(i, time_s, self.dt_s) } else { None };
+            let prescribed = self.motions[i];
             // A prescribed joint must be at its reference when the step ends.
             let command = match prescribed {
                 Some(prescribed) => prescribed.to.value,
@@ -174,6 +181,23 @@ impl<'a> Control<'a> {
         if !self.prescribed_torques.is_empty() {
             self.read_prescribed_torques(engine);
         }
+    }
+
+    /// Updates the joints' states: those of prescribed joints are their motion's, also in the first step, whose start
+    /// velocity is not exactly theirs.
+    fn follow(&mut self, time_s: f64, engine: &dyn Dynamics) {
+        let motion = |(i, joint): (usize, &JointControl)| {
+            if joint.motor.is_prescribed() { self.reference.prescribed(i, time_s, self.dt_s) } else { None }
+        };
+        self.motions.clear();
+        self.motions.extend(self.joints.iter().enumerate().map(motion));
+        let exactly = engine.supports_prescribed();
+        let states = engine.positions().iter().copied().zip(engine.velocities().iter().copied());
+        let state = |(state, motion): ((f64, f64), &Option<PrescribedMotion>)| {
+            motion.filter(|_| exactly).map_or(state, |motion| (motion.from.value, motion.from.velocity))
+        };
+        self.states.clear();
+        self.states.extend(states.zip(&self.motions).map(state));
     }
 
     /// Reads the torques that prescribed motions require, which count as their motors' torques.
