@@ -9,7 +9,10 @@ use btr_physics::robot::site::instance;
 use btr_physics::robot::{JointKind, Robot};
 
 /// The desk arm to which the hints of the effect specs refer.
-const DESK: JointScale = JointScale { torque: 1.0, speed: 3.0, inertia: 0.02, mass: 0.5, length: 0.2 };
+const DESK: JointScale = JointScale { torque: 1.0, speed: 3.0, inertia: 0.02, rotor: 0.0, mass: 0.5, length: 0.2 };
+
+/// Largest share of a joint's measured torque that accelerates its rotor, where the motion is prescribed.
+const OF_ROTOR: f64 = 2.0;
 
 /// Standard gravity, in m/s².
 const G: f64 = 9.81;
@@ -23,6 +26,9 @@ struct JointScale {
     speed: f64,
     /// Inertia that the joint turns, in kg·m² (kg).
     inertia: f64,
+    /// Largest inertia that the measured torques allow for the motor of a prescribed joint, in kg·m² (kg); 0 where
+    /// nothing is measured.
+    rotor: f64,
     /// The carried link's mass in kg.
     mass: f64,
     /// How far the link reaches from the joint, in m.
@@ -54,7 +60,14 @@ impl RobotScales {
                 }
             }
         }
-        RobotScales::seen(&model.robot, &simulated)
+        let mut scales = RobotScales::seen(&model.robot, &simulated)?;
+        for joint in model.robot.prescribed() {
+            let ratios = simulated.iter().filter_map(|log| torque_by_acceleration(log, &joint.name));
+            let most = OF_ROTOR * ratios.fold(0.0, f64::max);
+            let own = scales.joints.iter_mut().filter(|(name, _, _)| *name == joint.name);
+            own.for_each(|(_, _, scale)| scale.rotor = most);
+        }
+        Ok(scales)
     }
 
     /// Scales from the motions and torques of simulated logs.
@@ -65,7 +78,8 @@ impl RobotScales {
             .zip(turned)
             .map(|((index, link), inertia)| {
                 let length = robot.extent_m(index);
-                let scale = JointScale { torque: 0.0, speed: 0.0, inertia, mass: link.mass_kg, length };
+                let (torque, speed, rotor) = (0.0, 0.0, 0.0);
+                let scale = JointScale { torque, speed, inertia, rotor, mass: link.mass_kg, length };
                 (link.joint.name.clone(), link.name.clone(), scale)
             })
             .collect();
@@ -80,6 +94,7 @@ impl RobotScales {
             torque: largest(|s| s.torque),
             speed: largest(|s| s.speed),
             inertia: largest(|s| s.inertia),
+            rotor: 0.0,
             mass: largest(|s| s.mass),
             length: largest(|s| s.length),
         };
@@ -104,7 +119,7 @@ impl RobotScales {
             let slides = robot.links[link].joint.kind == JointKind::Prismatic;
             let arm = if slides { 1.0 } else { (inertia / mass).sqrt() };
             let (torque, length) = (mass * G * arm, robot.extent_m(link));
-            JointScale { torque, speed: DESK.speed, inertia, mass, length }
+            JointScale { torque, speed: DESK.speed, inertia, rotor: 0.0, mass, length }
         };
         let joints: Vec<_> = robot
             .movable()
@@ -116,17 +131,27 @@ impl RobotScales {
     }
 
     /// Factor for the bounds of a parameter in this unit at a site. The mass of a payload is bounded by what the robot
-    /// is made to carry, not by the link that carries it: a flange is light.
+    /// is made to carry, not by the link that carries it: a flange is light. So is the inertia of its geared motor, which
+    /// the measured torques bound where the motion is prescribed.
     pub(crate) fn of_bounds(&self, unit: &str, site: &str) -> f64 {
         let of_hint = self.of_unit(unit, site);
-        if unit == "kg" { of_hint.max(self.whole.mass / DESK.mass) } else { of_hint }
+        match unit {
+            "kg" => of_hint.max(self.whole.mass / DESK.mass),
+            // Bounds of inertias are for 1 kg·m².
+            "kg·m²" | "kg·m^2" => of_hint.max(self.of_joint(site).rotor),
+            _ => of_hint,
+        }
+    }
+
+    fn of_joint(&self, site: &str) -> &JointScale {
+        let (name, _) = instance(site);
+        let joint = self.joints.iter().find(|(joint, link, _)| joint == name || link == name);
+        joint.map_or(&self.whole, |(_, _, scale)| scale)
     }
 
     /// Factor for a hint in this unit at a site.
     pub(crate) fn of_unit(&self, unit: &str, site: &str) -> f64 {
-        let (name, _) = instance(site);
-        let joint = self.joints.iter().find(|(joint, link, _)| joint == name || link == name);
-        let scale = joint.map_or(&self.whole, |(_, _, scale)| scale);
+        let scale = self.of_joint(site);
         let (torque, speed) = (scale.torque / DESK.torque, scale.speed / DESK.speed);
         let factor = match unit {
             "N·m" | "N" | "N·m/rad" => torque,
@@ -143,6 +168,15 @@ impl RobotScales {
         };
         if factor.is_finite() && factor > 0.0 { factor } else { 1.0 }
     }
+}
+
+/// Root mean square of a joint's torque over that of its acceleration; `None` without both.
+fn torque_by_acceleration(log: &Log, joint: &str) -> Option<f64> {
+    let speed = &log.channel(&format!("dq_{joint}"))?.values;
+    let steps = log.clock_s().windows(2).zip(speed.windows(2));
+    let accelerations: Vec<f64> = steps.map(|(t, dq)| (dq[1] - dq[0]) / (t[1] - t[0])).collect();
+    let ratio = rms(&log.channel(&format!("tau_{joint}"))?.values) / rms(&accelerations);
+    ratio.is_finite().then_some(ratio)
 }
 
 fn rms(values: &[f64]) -> f64 {

@@ -7,7 +7,7 @@ use crate::engine::Dof;
 
 /// Speed in rad/s at which dry friction is about three quarters of its own: a step at the reversal of a sum of two
 /// speeds would make a light joint chatter.
-const SMOOTH: f64 = 0.02;
+const SMOOTH: f64 = 0.005;
 
 pub(super) const CITE: &str = "Guedelha, Traversaro and Pucci, Identification of Motor Parameters on Coupled Joints, \
                                arXiv:1906.05070";
