@@ -193,6 +193,34 @@ fn a_motor_that_turns_with_two_joints_is_named_at_both() {
     assert_eq!(found.len(), 6, "{found:?}");
 }
 
+/// The effect and its law as a formula require the same torque.
+#[test]
+fn a_coupling_equals_its_law() {
+    let lab = Lab::new();
+    lab.write("leg.urdf", URDF);
+    let coupling =
+        "effect = \"parent_coupling\"\nsite = \"knee\"\ncoulomb = 0.4\nviscous = 0.2\ninertia = 0.05\nratio = -0.7\n";
+    let law = "-0.4*tanh((dq - 0.7*dq_parent)/0.005) + 0.7*(0.2*dq_parent + 0.05*ddq_parent)";
+    let formula = format!("effect = \"formula\"\nsite = \"knee\"\non = \"torque\"\nlaw = \"{law}\"\n");
+    let required = |effect: &str| {
+        lab.write("truth.toml", &format!("{MODEL}\n[[effects]]\n{effect}"));
+        record(&lab, "log", 0.3);
+        let table = lab.read("torque.csv");
+        let column = table.lines().next().unwrap().split(',').position(|name| name == "tau_knee").unwrap();
+        let cell = |line: &str| line.split(',').nth(column).unwrap().parse::<f64>().unwrap_or(f64::NAN);
+        table.lines().skip(1).map(cell).collect::<Vec<f64>>()
+    };
+    let (one, other) = (required(coupling), required(&formula));
+    let apart = one.iter().zip(&other).map(|(a, b)| (a - b).abs()).filter(|d| d.is_finite()).fold(0.0, f64::max);
+    assert!(apart < 1e-6 && one.iter().any(|torque| torque.abs() > 0.5), "{apart}");
+    lab.write("servo.toml", &MODEL.replace("\"prescribed\"", "\"position\"\nkp = 10.0\nkd = 0.1"));
+    let refused = lab.run("fit servo.toml log.csv --add parent_coupling@knee -q");
+    assert!(
+        !refused.status.success() && String::from_utf8_lossy(&refused.stderr).contains("prescribed"),
+        "{refused:?}"
+    );
+}
+
 /// A log of what `truth.toml` requires, with noise. Simulated torques are smoothed: friction's steps are rounded a little.
 fn record(lab: &Lab, name: &str, phase: f64) {
     let mut motion = "t,q_hip,q_knee\n".to_owned();

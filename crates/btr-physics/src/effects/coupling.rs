@@ -4,6 +4,7 @@
 use super::effect::Param;
 use crate::actuation::{JointInput, NeighbourQuantity};
 use crate::engine::Dof;
+use crate::robot::{Actuator, Robot, Side};
 
 /// Speed in rad/s at which dry friction is about three quarters of its own: a step at the reversal of a sum of two
 /// speeds would make a light joint chatter.
@@ -22,6 +23,13 @@ pub(super) const PARAMS: &[Param] = &[
 
 /// The motor turns with the joint and this many times as fast with the neighbour.
 pub(super) const STARTS: &[&[f64]] = &[&[1.0], &[-1.0]];
+
+/// Whether the joint that carries a link can have such a motor. Where a motion is simulated, the two joints would have to
+/// be solved for together: it is for prescribed motions.
+pub(super) fn acts_on(robot: &Robot, link: usize, side: Side) -> bool {
+    let prescribed = robot.links.get(link).is_some_and(|link| link.joint.actuator == Actuator::Prescribed);
+    prescribed && robot.has_neighbour(link, side)
+}
 
 /// Adds the motor's torque on a joint; velocity and acceleration are those of the neighbour. What viscous friction and
 /// rotor do by the joint's own motion is part of what the joint has.

@@ -142,7 +142,7 @@ pub trait Effect: Sync {
     fn instances(&self) -> usize {
         1
     }
-    /// Whether it is looked for only where the motion is prescribed: in a simulated motion, many others look like it.
+    /// Whether it is for joints whose motion is prescribed.
     fn is_for_prescribed_motion(&self) -> bool {
         false
     }
@@ -360,7 +360,13 @@ impl PlacedEffect {
     fn non_empty(&self, sites: Vec<usize>) -> Result<Vec<usize>, WorldError> {
         if sites.is_empty() {
             let name = self.effect.spec().name;
-            return Err(setup_error(format!("effect `{name}`: the robot has no site `{}`", self.site)));
+            let has_none = if self.effect.is_for_prescribed_motion() {
+                "is for joints with a neighbour whose motion is prescribed, and there is none at"
+            } else {
+                "the robot has no site"
+            };
+            let colon = if self.effect.is_for_prescribed_motion() { "" } else { ":" };
+            return Err(setup_error(format!("effect `{name}`{colon} {has_none} `{}`", self.site)));
         }
         Ok(sites)
     }

@@ -24,6 +24,11 @@ impl Drive for Exercise {
     }
 }
 
+/// The effects on simulated motions.
+fn simulated() -> impl Iterator<Item = &'static dyn Effect> {
+    EFFECTS.iter().copied().filter(|effect| !effect.is_for_prescribed_motion())
+}
+
 /// Runs an effect: effects on the floor or the base on a walking ant, all others on a fixed arm; beside dry friction
 /// where it changes that.
 fn run(effect: &dyn Effect, effects: &[PlacedEffect], duration_s: f64) -> Log {
@@ -63,7 +68,7 @@ fn apart(a: &Log, b: &Log, is_selected: impl Fn(&str) -> bool) -> f64 {
 
 #[test]
 fn off_changes_no_bit() {
-    for &effect in EFFECTS {
+    for effect in simulated() {
         let off = PlacedEffect::off(effect, "*");
         assert!(off.is_off());
         let (plain, off) = (run(effect, &[], 0.4), run(effect, &[off], 0.4));
@@ -73,7 +78,7 @@ fn off_changes_no_bit() {
 
 #[test]
 fn at_its_hint_an_effect_is_visible_but_moderate() {
-    for &effect in EFFECTS {
+    for effect in simulated() {
         let name = effect.spec().name;
         let plain = run(effect, &[], 2.0);
         let planted = run(effect, &[PlacedEffect::hinted(effect, "*")], 2.0);
@@ -87,7 +92,7 @@ fn at_its_hint_an_effect_is_visible_but_moderate() {
 
 #[test]
 fn a_repeated_run_is_bit_identical() {
-    for &effect in EFFECTS {
+    for effect in simulated() {
         let [once, twice] = [(); 2].map(|()| bits(&run(effect, &[PlacedEffect::hinted(effect, "*")], 0.4)));
         assert!(once == twice, "`{}`", effect.spec().name);
     }
@@ -95,7 +100,7 @@ fn a_repeated_run_is_bit_identical() {
 
 #[test]
 fn no_value_within_the_bounds_breaks_a_run() {
-    for (key, &effect) in EFFECTS.iter().enumerate() {
+    for (key, effect) in simulated().enumerate() {
         let spec = effect.spec();
         let at = |value: &mut dyn FnMut(f64, f64) -> f64| {
             let values = spec.params.iter().map(|param| value(param.bounds.0, param.bounds.1)).collect();
@@ -114,7 +119,7 @@ fn no_value_within_the_bounds_breaks_a_run() {
 
 #[test]
 fn specifications_are_complete() {
-    for &effect in EFFECTS {
+    for effect in simulated() {
         let spec = effect.spec();
         let named = spec.name.chars().all(|c| c.is_ascii_lowercase() || c == '_');
         assert!(named && !spec.name.is_empty(), "`{}`", spec.name);
@@ -140,7 +145,7 @@ fn specifications_are_complete() {
 
 #[test]
 fn an_effect_that_contains_another_equals_it() {
-    for &effect in EFFECTS {
+    for effect in simulated() {
         for (name, values) in effect.spec().nested {
             let other = find(name).unwrap();
             assert!(effect.spec().similar.contains(name), "`{}` contains `{name}`", effect.spec().name);
@@ -177,7 +182,7 @@ fn names_find_their_effects() {
 
 #[test]
 fn the_order_in_a_file_does_not_matter() {
-    let mut all: Vec<PlacedEffect> = EFFECTS.iter().map(|&effect| PlacedEffect::hinted(effect, "*")).collect();
+    let mut all: Vec<PlacedEffect> = simulated().map(|effect| PlacedEffect::hinted(effect, "*")).collect();
     let setup = Setup { dt_s: 0.001, control_s: 0.002, duration_s: 0.5, ground: None, ..Setup::default() };
     let forward = bits(&logged(&arm(), &all, &setup, &Exercise));
     all.reverse();

@@ -36,7 +36,7 @@ impl Effect for ChildCoupling {
     }
 
     fn acts_on(&self, robot: &Robot, link: usize) -> bool {
-        robot.has_neighbour(link, Side::Child)
+        coupling::acts_on(robot, link, Side::Child)
     }
 
     fn neighbours(&self) -> &[NeighbourQuantity] {

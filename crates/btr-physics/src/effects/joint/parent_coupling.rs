@@ -36,7 +36,7 @@ impl Effect for ParentCoupling {
     }
 
     fn acts_on(&self, robot: &Robot, link: usize) -> bool {
-        robot.has_neighbour(link, Side::Parent)
+        coupling::acts_on(robot, link, Side::Parent)
     }
 
     fn neighbours(&self) -> &[NeighbourQuantity] {
