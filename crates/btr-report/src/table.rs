@@ -29,6 +29,11 @@ impl Table {
         self.lines(|k| k == 0)
     }
 
+    /// The table as text, with the last column left-aligned and the others right-aligned: for long names.
+    pub fn render_names_last(&self) -> String {
+        self.lines(|k| k + 1 == self.header.len())
+    }
+
     /// The table as text with every column left-aligned, for cells without numbers.
     pub fn render_left(&self) -> String {
         self.lines(|_| true)

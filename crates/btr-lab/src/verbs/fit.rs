@@ -1,5 +1,6 @@
 //! `fit`: estimates of the free parameters with their uncertainties.
 
+use super::base_parameters::BaseReport;
 use crate::experiment::LeftOutLog;
 use crate::identification::{Doubt, NoiseFloor, VerbInput};
 use crate::model_text::{FittedValue, adapted, in_finer_steps};
@@ -38,6 +39,9 @@ pub struct FitReport {
     pub stop_reason: FitStop,
     /// Why there are no intervals, if there are none.
     pub withheld: Option<String>,
+    /// What the logs tell about all of the robot's dynamic parameters, where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base_parameters: Option<BaseReport>,
     /// The noise floors.
     pub noise_floor: Vec<NoiseFloor>,
     /// Findings of `check` that make the result doubtful.
@@ -88,6 +92,7 @@ pub fn fit(
         error_ladder: fitted.ladder,
         stop_reason: fitted.ended,
         withheld: fitted.withheld,
+        base_parameters: None,
         noise_floor: input.floors(),
         doubts: input.doubts.clone(),
         not_judged: input.not_judged.clone(),
