@@ -19,6 +19,11 @@ impl Table {
         self.rows.push(cells);
     }
 
+    /// Its header and its rows.
+    pub fn into_parts(self) -> (Vec<String>, Vec<Vec<String>>) {
+        (self.header, self.rows)
+    }
+
     /// Whether the table has no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()

@@ -24,7 +24,7 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
         .and_then(|input| input.freezing(&args.logs_args.freeze))
         .map_err(|e| Failure::input(e, &doubts))?;
     if args.base_parameters {
-        input.check_prescribed().map_err(|e| Failure::input(e, &doubts))?;
+        input.check_base_parameters().map_err(|e| Failure::input(e, &doubts))?;
     } else if let Some(failure) = Failure::nothing_to_fit(&input) {
         return Err(failure);
     }
@@ -88,4 +88,8 @@ fn show_base(report: &BaseReport) {
     println!("\n{}", base_parameters::combinations(report).render_names_last());
     println!("\n{}\n", base_parameters::remaining(report).render());
     base_parameters::sentences(report).iter().for_each(|sentence| println!("{sentence}"));
+    if let Some(possible) = &report.possible {
+        println!("\n{}", base_parameters::can_be(possible));
+        println!("\n{}", base_parameters::possible(possible).render());
+    }
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 /// Significant digits of a coefficient in a name.
-const DIGITS: i32 = 4;
+const DIGITS: i32 = 3;
 
 /// A linear combination of parameters: one leads it, with the coefficient 1.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -72,6 +72,6 @@ mod tests {
         let parts =
             [part(1.0, "mass*com_x@upper"), part(0.299_999_999, "mass@hand"), part(-1.0, "b"), part(-12.5, "c")];
         assert_eq!(sum(&parts), "mass*com_x@upper + 0.3*mass@hand - b - 12.5*c");
-        assert_eq!((rounded(123_456.0), rounded(0.001_234_56)), (123_500.0, 0.001_235));
+        assert_eq!((rounded(123_456.0), rounded(0.001_234_56)), (123_000.0, 0.001_23));
     }
 }

@@ -59,6 +59,11 @@ impl LinearModel {
         LinearModel { description, residuals, columns }
     }
 
+    /// The values of the parameters where the residuals were taken.
+    pub fn values(&self) -> Vec<f64> {
+        self.description.parameters.iter().map(|parameter| parameter.origin).collect()
+    }
+
     /// The residual of a log at a point.
     fn residual(&self, of: &ResidualRequest) -> Vec<f64> {
         let mut residual = self.residuals[of.log].clone();

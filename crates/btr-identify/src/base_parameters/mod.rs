@@ -8,10 +8,12 @@
 
 mod combination;
 mod linear;
+mod nearest;
 mod regroup;
 
 pub use combination::{Combination, CombinationPart};
 pub use linear::{LinearModel, LinearParameter};
+pub use nearest::{Family, Membership, Nearest, nearest};
 pub use regroup::{Regrouping, regroup};
 
 use crate::fit::residual_vector::chi;
@@ -42,9 +44,10 @@ pub struct BaseParameters {
     /// The combinations as functions of all parameters: one row per combination.
     #[serde(skip)]
     pub map: DMatrix<f64>,
-    /// Inverse covariance of the combinations, for residuals as large and as correlated as those that are left.
+    /// Makes errors of the combinations independent numbers with a standard deviation of 1, for residuals as large and
+    /// as correlated as those that are left.
     #[serde(skip)]
-    pub precision: DMatrix<f64>,
+    pub whitening: DMatrix<f64>,
 }
 
 /// Estimates the base parameters by least squares on the training logs. `groups` has a number for each parameter:
@@ -71,18 +74,37 @@ pub fn base_parameters(model: &LinearModel, groups: &[usize]) -> Result<BasePara
     let map = in_units(&regrouping.map(parameters.len()), parameters, &regrouping.base);
     let combinations =
         estimates.iter().enumerate().map(|(row, estimate)| combination(parameters, &map, row, estimate)).collect();
-    let per_unit = |i: usize| parameters[regrouping.base[i]].size.recip();
-    let precision = chosen.tr_mul(&chosen).map_with_location(|i, j, x| x * per_unit(i) * per_unit(j));
+    let per_unit = |i: usize| parameters[regrouping.base[i]].size.recip() / measure.inflation().sqrt();
+    let whitening = chosen.qr().r().map_with_location(|_, j, x| x * per_unit(j));
     Ok(BaseParameters {
         combinations,
         not_identifiable: regrouping.without_effect.iter().map(|&k| parameters[k].name.clone()).collect(),
         remaining: relative_errors(&objective, &fit.u),
-        precision: precision / measure.inflation(),
+        whitening,
         train,
         held_out,
         withheld,
         map,
     })
+}
+
+impl BaseParameters {
+    /// The estimates of the combinations.
+    pub fn estimates(&self) -> DVector<f64> {
+        DVector::from_iterator(self.combinations.len(), self.combinations.iter().map(|c| c.value))
+    }
+}
+
+/// The errors of a linear model on training and held-out logs with other values of its parameters, in multiples of the
+/// noise floor.
+///
+/// # Errors
+/// The reason of the first failing evaluation.
+pub fn errors_at(model: &LinearModel, values: &[f64]) -> Result<(f64, Option<f64>), WorldError> {
+    let objective = Objective::new(model);
+    let u = objective.parameters().iter().zip(values).map(|(parameter, value)| parameter.coordinate(*value)).collect();
+    let fit = FitPoint::at(&objective, Vec::new(), u, &[])?;
+    Ok((chi(fit.squares(), objective.samples(LogSet::Learn)), held_out(&objective, &fit)?))
 }
 
 /// How the predictions on the training logs change with each coordinate.
@@ -125,7 +147,8 @@ fn held_out(objective: &Objective, fit: &FitPoint) -> Result<Option<f64>, WorldE
     Ok(Some(chi(squares(&residual), objective.samples(LogSet::HeldOut))))
 }
 
-/// A map of coordinates as one of values: what one unit of a parameter adds to a combination, in the leading one's unit.
+/// A map of coordinates as one of values: what one unit of a parameter adds to a combination, in the unit of the
+/// parameter that leads it.
 fn in_units(map: &DMatrix<f64>, parameters: &[FitParameter], base: &[usize]) -> DMatrix<f64> {
     map.map_with_location(|row, k, x| x * parameters[base[row]].size / parameters[k].size)
 }

@@ -86,6 +86,42 @@ fn deviations_are_withheld_where_something_is_missing() {
     assert!(found.withheld.is_some() && found.combinations.iter().all(|c| c.sd.is_none() && c.sd_percent.is_none()));
 }
 
+/// Positive numbers, `c` up to a bound.
+struct Positive {
+    most: f64,
+}
+
+impl Family for Positive {
+    fn bounds(&self) -> Vec<(f64, f64)> {
+        let mut bounds = vec![(-20.0, 20.0); 5];
+        bounds[2].1 = self.most.ln();
+        bounds
+    }
+
+    fn at(&self, x: &[f64]) -> Option<Vec<f64>> {
+        Some(x.iter().map(|x| x.exp()).collect())
+    }
+}
+
+/// `b - 2*c` is -2, which positive `b` and `c` can give where `c` may exceed 1.
+#[test]
+fn the_nearest_member_has_the_estimates_where_one_can() {
+    let base = planted(1, 0.0);
+    let found = nearest(&base, &Positive { most: 50.0 }).unwrap();
+    assert_eq!(found.membership, Membership::AsEstimated, "{found:?}");
+    assert!(found.values.iter().all(|value| *value > 0.0));
+    assert!((found.values[4] - 1.0).abs() < 1e-6, "what nothing tells stays: {found:?}");
+    for (value, combination) in found.combinations.iter().zip(&base.combinations) {
+        assert!((value - combination.value).abs() < 0.1 * combination.sd.unwrap(), "{found:?}");
+    }
+    let short = nearest(&base, &Positive { most: 0.5 }).unwrap();
+    assert_eq!(short.membership, Membership::Contradicted, "{short:?}");
+    assert!((short.values[2] - 0.5).abs() < 1e-6 && short.values[1] < 1e-3, "the nearest one: {short:?}");
+    let sd = base.combinations[1].sd.unwrap();
+    let nearly = nearest(&base, &Positive { most: (-base.combinations[1].value - sd) / 2.0 }).unwrap();
+    assert_eq!(nearly.membership, Membership::WithinUncertainty, "{nearly:?}");
+}
+
 proptest! {
     /// What the combinations predict is what all parameters predict.
     #[test]

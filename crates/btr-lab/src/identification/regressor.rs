@@ -1,6 +1,6 @@
-//! The regressor of a robot whose motion is prescribed: by how much the required torques grow with a unit of each of its
-//! standard parameters. Its columns are differences of simulations, so that they are differentiated and smoothed as the
-//! compared torques are.
+//! The regressor of a robot whose motion is prescribed: by how much the required torques grow with a unit of each of
+//! its standard parameters. Its columns are differences of simulations, so that they are differentiated and smoothed as
+//! the compared torques are.
 
 use super::problem::IdentificationProblem;
 use btr_core::log::Log;
@@ -9,6 +9,7 @@ use btr_identify::base_parameters::{LinearModel, LinearParameter};
 use btr_identify::residual_model::{ResidualModel, TimeStep};
 use btr_physics::effects::PlacedEffect;
 use btr_physics::inertials::StandardParameter;
+use btr_physics::model::parameter::Target;
 use rayon::prelude::*;
 
 /// For each log of a scenario, its index and its column.
@@ -36,6 +37,17 @@ impl IdentificationProblem {
         };
         let parameters: Vec<LinearParameter> = standard.iter().zip(values).map(parameter).collect();
         Ok(LinearModel::new(self.description(), &parameters, residuals, columns))
+    }
+
+    /// The values of the standard parameters at a point without those of these effects on joints, by name.
+    ///
+    /// # Errors
+    /// An effect with invalid values.
+    pub(crate) fn without_values(&self, u: &[f64], names: &[&str]) -> Result<Vec<f64>, WorldError> {
+        let joints = self.model.robot.movable().map(|(_, link)| &link.joint.name);
+        let all = joints.flat_map(|joint| names.iter().map(move |name| format!("{name}@{joint}")));
+        let off = |name: String| Target::parse(&name, &self.model.robot).ok().map(|target| (target, 0.0));
+        self.at(u).with(all.filter_map(off)).standard_values(&self.model)
     }
 
     /// The residual of every log at a point.

@@ -25,6 +25,12 @@ impl ModelPoint {
         self
     }
 
+    /// The same with these values in the place of the model's.
+    pub(crate) fn with(mut self, values: impl IntoIterator<Item = (Target, f64)>) -> Self {
+        self.values.extend(values);
+        self
+    }
+
     /// The values of the model's standard parameters at this point.
     ///
     /// # Errors

@@ -109,7 +109,8 @@ pub fn fit(
 
 impl VerbInput {
     /// The text of the fitted model for a file in the folder `into`, with the time step of the fit. A parameter with an
-    /// interval has its standard deviation, as the prior of a fit to further logs.
+    /// interval has its standard deviation, as the prior of a fit to further logs. With base parameters, it has the
+    /// possible values of all of them.
     ///
     /// # Errors
     /// A text that is not TOML; it was parsed before, so this does not happen.
@@ -123,6 +124,8 @@ impl VerbInput {
         let sd = |name: &str| report.parameters.iter().find(|estimate| estimate.name == name)?.prior_sd;
         let values = self.values(fit).map(|(name, value)| FittedValue { name, value, sd: sd(name) });
         let text = adapted(&self.source, values, into)?;
+        let possible = report.base_parameters.as_ref().and_then(|base| base.possible.as_ref());
+        let text = possible.map_or_else(|| Ok(text.clone()), |possible| possible.written_into(&text))?;
         let setup = &self.problem.model().setup;
         if step == TimeStep::USUAL { Ok(text) } else { in_finer_steps(&text, setup, step.divides_by()) }
     }

@@ -1,12 +1,14 @@
 //! The inertial parameters of rigid bodies, in the form in which torques are linear in them, and which of them are
 //! physically possible.
 
+mod possible;
 mod pseudo;
 mod standard;
 
+pub use possible::{PossibleParameters, StatedInertials};
 pub use pseudo::{LOG_CHOLESKY, PseudoInertia};
+pub use standard::{BodyNames, PER_JOINT, StandardKind, StandardParameter, moving_bodies, standard_parameters};
 pub(crate) use standard::{MovingInertials, where_massless};
-pub use standard::{StandardKind, StandardParameter, standard_parameters};
 
 use crate::robot::Link;
 use crate::robot::point_mass::steiner;
@@ -62,6 +64,12 @@ impl Link {
     /// Its inertial parameters in its own frame.
     pub fn inertials(&self) -> Inertials {
         Inertials::of(self.mass_kg, &self.com_m, &self.inertia_kg_m2)
+    }
+
+    /// Gives it inertial parameters as a file states them; its centre of mass has a place even without a mass.
+    pub fn set_stated(&mut self, stated: &StatedInertials) {
+        self.set_inertials(&stated.into());
+        self.com_m = stated.com_m.into();
     }
 
     /// Gives it other inertial parameters.

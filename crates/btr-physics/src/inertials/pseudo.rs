@@ -44,8 +44,8 @@ impl PseudoInertia {
         self.0.cholesky().is_some()
     }
 
-    /// This one if a body can have it; otherwise one near it: every second moment at least that of `mass_kg` spread over
-    /// `radius_m`, and then the nearest in units in which the diagonal is 1.
+    /// This one if a body can have it. Otherwise one near it: every second moment at least that of `mass_kg` spread
+    /// over `radius_m`, and then the nearest in units in which the diagonal is 1.
     #[must_use]
     pub fn made_possible(&self, mass_kg: f64, radius_m: f64) -> Self {
         let least = Vector3::repeat(mass_kg * radius_m * radius_m).push(mass_kg);

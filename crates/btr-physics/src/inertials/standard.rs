@@ -1,15 +1,15 @@
-//! The standard dynamic parameters of a robot: the ten inertial parameters of every moving body, and rotor, friction and
-//! offset of every joint. The torques that a motion requires are linear in them, so a unit of one more on a link or in
-//! a joint gives its column of the regressor, whatever else is in the model.
+//! The standard dynamic parameters of a robot: the ten inertial parameters of every moving body, and rotor, friction
+//! and offset of every joint. The torques that a motion requires are linear in them, so a unit of one more on a link or
+//! in a joint gives its column of the regressor, whatever else is in the model.
 
 use super::{Inertials, PER_BODY};
 use crate::effects::{Effect, EffectSpec, Param, PlacedEffect, SiteKind};
 use crate::engine::Dof;
 use crate::engine::assemble::{MovingBody, bodies};
-use crate::robot::{Joint, JointKind, Robot};
+use crate::robot::{Joint, JointKind, Link, Robot};
 
-/// Number of parameters of a joint.
-const PER_JOINT: usize = 4;
+/// Number of standard parameters of a joint: viscous friction, Coulomb friction, offset, rotor.
+pub const PER_JOINT: usize = 4;
 
 /// A standard dynamic parameter.
 #[derive(Clone, Debug)]
@@ -81,6 +81,33 @@ fn one_of(effect: &'static dyn Effect, site: &str, k: usize) -> PlacedEffect {
     let mut placed = PlacedEffect::off(effect, site);
     placed.values[k] = 1.0;
     placed
+}
+
+/// A moving body by its names.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyNames {
+    /// The link whose frame is the body's.
+    pub link: String,
+    /// The joint that moves it.
+    pub joint: String,
+    /// Further links, which are fixed to it.
+    pub fixed: Vec<String>,
+}
+
+/// The moving bodies of a robot, in the order of their parameters.
+pub fn moving_bodies(robot: &Robot) -> Vec<BodyNames> {
+    let first = |mut link: usize| {
+        while let Some(parent) = robot.links[link].parent.filter(|_| robot.links[link].joint.kind == JointKind::Fixed) {
+            link = parent;
+        }
+        link
+    };
+    let names = |(index, link): (usize, &Link)| {
+        let fixed = robot.links.iter().enumerate().filter(|(other, _)| *other != index && first(*other) == index);
+        let fixed = fixed.map(|(_, other)| other.name.clone()).collect();
+        BodyNames { link: link.name.clone(), joint: link.joint.name.clone(), fixed }
+    };
+    robot.movable().map(names).collect()
 }
 
 /// A mass on each moving link that has none: without a mass, a first moment has no place.
@@ -195,5 +222,37 @@ impl Effect for MoreInJoint {
         // The motor has to deliver it.
         dof.torque.constant -= p[2];
         dof.armature += p[3];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::presets::nao::nao;
+
+    /// A unit of one parameter is a unit of that one and of no other, whatever is fixed to the link.
+    #[test]
+    fn one_more_adds_one_to_its_own_parameter_alone() {
+        let robot = nao();
+        let values = |robot: &Robot| -> Vec<f64> {
+            let all = bodies(robot);
+            all.iter().skip(1).flat_map(|body| MovingInertials::from(body).inertials.to_array()).collect()
+        };
+        let (before, parameters) = (values(&robot), standard_parameters(&robot));
+        let of_bodies = parameters.iter().filter(|p| matches!(p.kind, StandardKind::Mass | StandardKind::Moment));
+        for (k, parameter) in of_bodies.enumerate() {
+            let mut changed = robot.clone();
+            let placed = parameter.one_more();
+            let links = placed.links(&robot).unwrap();
+            links.iter().for_each(|link| placed.effect.link(&placed.values, &mut changed, *link));
+            for (i, (after, before)) in values(&changed).iter().zip(&before).enumerate() {
+                let grown = f64::from(u8::from(i == k));
+                assert!((after - before - grown).abs() < 1e-9, "{}: {i}", parameter.name);
+            }
+        }
+        assert_eq!(parameters.len(), robot.movable().count() * (PER_BODY + PER_JOINT));
+        let names = moving_bodies(&robot);
+        assert_eq!(names.iter().map(|body| 1 + body.fixed.len()).sum::<usize>() + 1, robot.links.len());
     }
 }
