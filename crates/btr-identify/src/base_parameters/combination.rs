@@ -44,7 +44,7 @@ impl Combination {
 fn sum(parts: &[CombinationPart]) -> String {
     let term = |(i, part): (usize, &CombinationPart)| {
         let size = rounded(part.coefficient.abs());
-        let factor = if size == 1.0 { String::new() } else { format!("{size}*") };
+        let factor = if (size - 1.0).abs() < f64::EPSILON { String::new() } else { format!("{size}*") };
         let sign = match (i, part.coefficient < 0.0) {
             (0, false) => "",
             (0, true) => "-",
