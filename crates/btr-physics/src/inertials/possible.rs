@@ -12,8 +12,8 @@ const RADIUS_M: f64 = 0.005;
 /// Mass of what stands for a body of which the model states no mass, in kg.
 const MASS_KG: f64 = 0.1;
 
-/// The possible standard parameters of a robot. A coordinate of 0 is the model, and one of 1 a deviation of the order of
-/// the value itself.
+/// The possible standard parameters of a robot. A coordinate of 0 is the model, and one of 1 a deviation of the order
+/// of the value itself.
 #[derive(Clone, Debug)]
 pub struct PossibleParameters {
     bodies: Vec<PseudoInertia>,
