@@ -102,6 +102,42 @@ def test_a_fitted_model_keeps_what_its_logs_left(arm: btr.Model) -> None:
     assert after.with_prior and set(after.with_prior) <= set(after.values)
 
 
+ONE_LINK = """<robot name="lever"><link name="base"/><link name="lever"><inertial>
+<origin xyz="0.2 0 0"/><mass value="2"/>
+<inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hinge" type="revolute"><parent link="base"/><child link="lever"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="99" velocity="9"/></joint></robot>"""
+LEVER = """name = "lever"
+[robot]
+urdf = "lever.urdf"
+base = "fixed"
+[actuators.hinge]
+kind = "prescribed"
+"""
+
+
+def test_base_parameters_of_a_lever_are_found_and_written(tmp_path: Path) -> None:
+    (tmp_path / "lever.urdf").write_text(ONE_LINK)
+    (tmp_path / "lever.toml").write_text(LEVER)
+    rng, t = np.random.default_rng(1), np.arange(0, 12, 0.004)
+    swings = [(0.6, 1.3), (0.3, 2.9), (0.15, 3.7)]
+    q = sum(a * np.sin(w * t) for a, w in swings)
+    dq = sum(a * w * np.cos(w * t) for a, w in swings)
+    ddq = -sum(a * w**2 * np.sin(w * t) for a, w in swings)
+    # The lever is a tenth heavier than the model, and has viscous friction.
+    tau = 1.1 * (0.1 * ddq - 9.81 * 0.4 * np.cos(q)) + 0.5 * dq + 0.05 * rng.standard_normal(len(t))
+    log = {"t": t, "q_hinge": q + 1e-5 * rng.standard_normal(len(t)), "tau_hinge": tau}
+    lever = btr.load_model(tmp_path / "lever.toml")
+    fitted = btr.fit(lever, log, base_parameters=True)
+    must_be_typed(fitted)
+    base = fitted.base_parameters
+    assert base is not None and base.possible is not None and base.possible.membership == "as_estimated"
+    (moment,) = (c for c in base.combinations if c.parts[0].parameter == "mass*com_x@lever")
+    assert moment.sd is not None and abs(moment.value - 0.44) < 4 * moment.sd and "[links.lever]" in fitted.model.text
+    with pytest.raises(btr.BtrError, match="is simulated"):
+        btr.fit(ARM, LEARN[:1], base_parameters=True)
+
+
 def test_settings_need_no_quotes_but_names_that_are_names(arm: btr.Model) -> None:
     known = btr.load_model(ARM, {"parameters.mass@upper.relative": (0.5, 2.0)})
     (mass,) = (dim for dim in known.parameters if dim["name"] == "mass@upper")

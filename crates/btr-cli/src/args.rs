@@ -312,6 +312,10 @@ pub(crate) struct FitArgs {
     /// Effect to add before fitting; without a site, at every possible site with values of its own (`@*` shares one)
     #[arg(long, value_name = "EFFECT[@SITE]")]
     pub(crate) add: Vec<String>,
+    /// Also estimate the base parameters of an arm whose motion is prescribed: the combinations of masses, moments,
+    /// inertias, friction and rotors that the logs can tell
+    #[arg(long)]
+    pub(crate) base_parameters: bool,
     /// Where to write the fitted model
     #[arg(short, long, value_name = "MODEL")]
     pub(crate) output: Option<PathBuf>,

@@ -1,5 +1,6 @@
 //! System identification on top of [`btr_core`]: the quality of a log ([`quality`]), where a model differs from it
-//! ([`compare`]), the parameter values that fit ([`fit`]), and which physical effect is missing ([`diagnose`]).
+//! ([`compare`]), the parameter values that fit ([`fit`]), the combinations of them that logs can tell
+//! ([`base_parameters`]), and which physical effect is missing ([`diagnose`]).
 //!
 //! The crate knows a simulator only as a [`ResidualModel`](residual_model::ResidualModel): free parameters in,
 //! residuals in multiples of the noise floor out. It does no I/O.
@@ -54,6 +55,7 @@
 //! # Ok::<(), WorldError>(())
 //! ```
 
+pub mod base_parameters;
 pub mod compare;
 pub mod diagnose;
 pub mod fit;

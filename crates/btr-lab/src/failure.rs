@@ -45,6 +45,9 @@ impl Failure {
             ProblemError::FreezesNothing { .. } | ProblemError::NoValueToFreeze(_) => {
                 Failure::new("freeze", message, help)
             }
+            ProblemError::NotPrescribed(_) | ProblemError::FreeLength(_) => {
+                Failure::new("base_parameters", message, help)
+            }
             ProblemError::Still | ProblemError::Short(_) | ProblemError::Blind | ProblemError::Nothing => {
                 Failure::new("log", message, help)
             }

@@ -47,6 +47,7 @@ pub mod actuation;
 pub mod drive;
 pub mod effects;
 pub mod engine;
+pub mod inertials;
 pub mod model;
 pub mod presets;
 pub mod robot;

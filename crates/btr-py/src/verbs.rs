@@ -100,8 +100,8 @@ pub(crate) fn diagnose(
     })
 }
 
-/// The free parameters at their best, with effects added first and some parameters frozen: the answer, its page, the
-/// numbers as they were (JSON) and the fitted model's text.
+/// The free parameters at their best, with effects added first and some parameters frozen, and the base parameters if
+/// asked for: the answer, its page, the numbers as they were (JSON) and the fitted model's text.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, reason = "called from one place, by name there")]
 pub(crate) fn fit(
@@ -111,6 +111,7 @@ pub(crate) fn fit(
     held_out: Vec<LogArgument>,
     add: Vec<String>,
     freeze: Vec<String>,
+    base_parameters: bool,
     strict: bool,
     tell: Py<PyAny>,
     executor: Option<ExecutorChoice>,
@@ -121,13 +122,18 @@ pub(crate) fn fit(
         let replays = replays(&source, [&logs, &held_out], strict)?;
         let input = VerbInput::with(source, replays, &add).and_then(|input| input.freezing(&freeze));
         let input = input.map_err(Raise::raise)?;
-        if let Some(failure) = Failure::nothing_to_fit(&input) {
+        if base_parameters {
+            input.check_base_parameters().map_err(Raise::raise)?;
+        } else if let Some(failure) = Failure::nothing_to_fit(&input) {
             return Err(failure.raise());
         }
         let heard = |ladder_step: &LadderStep| say(&context, &tell, ladder_step);
         let family = served(&input, &context)?;
-        let (found, fit, step) =
+        let (mut found, fit, step) =
             verbs::fit(&input, &family, &heard).map_err(|error| Failure::simulation_failure(&input, &error).raise())?;
+        if base_parameters {
+            found.base_parameters = Some(verbs::base_parameters(&input, &fit, step).map_err(Raise::raise)?);
+        }
         let text = input.fitted_text(&found, &fit, step, input.source.folder());
         let text = text.map_err(|e| raised(e.to_string(), None))?;
         let space = json!(input.free_dims().collect::<Vec<_>>()).to_string();

@@ -1,5 +1,6 @@
 //! HTML reports, figures as SVG, and the tables and sentences of the terminal.
 
+pub mod base_parameters;
 pub mod figures;
 pub mod html;
 pub mod plot;

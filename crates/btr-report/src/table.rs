@@ -19,6 +19,11 @@ impl Table {
         self.rows.push(cells);
     }
 
+    /// Its header and its rows.
+    pub fn into_parts(self) -> (Vec<String>, Vec<Vec<String>>) {
+        (self.header, self.rows)
+    }
+
     /// Whether the table has no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
@@ -27,6 +32,11 @@ impl Table {
     /// The table as text, one line per row: the first column left-aligned, the others right-aligned.
     pub fn render(&self) -> String {
         self.lines(|k| k == 0)
+    }
+
+    /// The table as text, with the last column left-aligned and the others right-aligned: for long names.
+    pub fn render_names_last(&self) -> String {
+        self.lines(|k| k + 1 == self.header.len())
     }
 
     /// The table as text with every column left-aligned, for cells without numbers.

@@ -7,8 +7,9 @@ use crate::exit::DONE;
 use btr_lab::failure::Failure;
 use btr_lab::output::{OutputKind, guard, inputs};
 use btr_lab::verbs;
-use btr_lab::verbs::{ErrorUnit, FitReport, VerbInput};
+use btr_lab::verbs::{BaseReport, ErrorUnit, FitReport, VerbInput};
 use btr_report::Subject;
+use btr_report::base_parameters;
 use btr_report::html;
 use btr_report::table::{Table, number};
 
@@ -22,12 +23,18 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
     let input = VerbInput::with(source, replays, &args.add)
         .and_then(|input| input.freezing(&args.logs_args.freeze))
         .map_err(|e| Failure::input(e, &doubts))?;
-    if let Some(failure) = Failure::nothing_to_fit(&input) {
+    if args.base_parameters {
+        input.check_base_parameters().map_err(|e| Failure::input(e, &doubts))?;
+    } else if let Some(failure) = Failure::nothing_to_fit(&input) {
         return Err(failure);
     }
     let unit = input.error_unit();
-    let (report, fit, step) = verbs::fit(&input, &input.problem, &|step| common::tell(step, unit, global))
+    let (mut report, fit, step) = verbs::fit(&input, &input.problem, &|step| common::tell(step, unit, global))
         .map_err(|error| Failure::simulation_failure(&input, &error))?;
+    if args.base_parameters {
+        let base = verbs::base_parameters(&input, &fit, step).map_err(|e| Failure::input(e, &doubts))?;
+        report.base_parameters = Some(base);
+    }
     if let Some(output) = &args.output {
         let into = output.parent().unwrap_or(output);
         let text =
@@ -54,22 +61,35 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
 
 fn show(report: &FitReport, unit: ErrorUnit) {
     println!("\n{}\n", common::table(&report.error_ladder, unit).render());
-    let mut table = Table::new(&btr_report::text::ESTIMATES);
-    report.parameters.iter().for_each(|estimate| table.row(btr_report::text::estimate(estimate)));
-    println!("{}", table.render());
+    if !report.parameters.is_empty() {
+        let mut table = Table::new(&btr_report::text::ESTIMATES);
+        report.parameters.iter().for_each(|estimate| table.row(btr_report::text::estimate(estimate)));
+        println!("{}", table.render());
+    }
     btr_report::text::given(&report.frozen, &report.with_prior).iter().for_each(|sentence| println!("{sentence}"));
     if report.parameters.iter().any(|estimate| estimate.by_bounds && !estimate.at_bound) {
         println!("\nby its bounds: the interval follows from the bounds; the logs alone determine less");
     }
-    if let Some(why) = &report.withheld {
+    if let Some(why) = report.withheld.as_ref().filter(|_| !report.parameters.is_empty()) {
         println!("\nno intervals: {why}; `btr diagnose` looks for it");
     }
     btr_report::text::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
     for direction in &report.null_directions {
         println!("\n{}", direction.sentence);
     }
+    report.base_parameters.iter().for_each(show_base);
     println!("\n{}", btr_report::text::floors(&report.noise_floor));
     common::show_repeatability(&report.noise_floor, &report.remaining);
     println!("{}", btr_report::text::integrator(report.integrator_error, report.time_step_s));
     println!("{} rollouts in {} s", report.rollouts, number(report.seconds));
+}
+
+fn show_base(report: &BaseReport) {
+    println!("\n{}", base_parameters::combinations(report).render_names_last());
+    println!("\n{}\n", base_parameters::remaining(report).render());
+    base_parameters::sentences(report).iter().for_each(|sentence| println!("{sentence}"));
+    if let Some(possible) = &report.possible {
+        println!("\n{}", base_parameters::can_be(possible));
+        println!("\n{}", base_parameters::possible(possible).render());
+    }
 }

@@ -3,6 +3,7 @@
 
 mod adapted;
 mod bad_input;
+mod base_parameters;
 mod check;
 mod compare;
 mod damaged;

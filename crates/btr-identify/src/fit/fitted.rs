@@ -191,18 +191,22 @@ fn finish(objective: &mut Objective, mut fit: FitPoint, ladder: &mut LadderRecor
     (fit, ended, integrator_error)
 }
 
+/// Why intervals are withheld where this error is left; `None` where it is noise.
+pub(crate) fn withheld(objective: &Objective, error: f64) -> Option<String> {
+    (error > objective.noise_bound()).then(|| {
+        format!(
+            "the error is still {error:.2} times {}: something is missing, and any interval would be wrong",
+            if objective.description.has_runs { "what runs of the same command differ by" } else { "the noise floor" }
+        )
+    })
+}
+
 fn conclude(
     objective: &Objective,
     (fit, ended, integrator_error): FinishedSearch,
     ladder: LadderRecorder,
 ) -> FitResult {
-    let error = ladder.error();
-    let withheld = (error > objective.noise_bound()).then(|| {
-        format!(
-            "the error is still {error:.2} times {}: something is missing, and any interval would be wrong",
-            if objective.description.has_runs { "what runs of the same command differ by" } else { "the noise floor" }
-        )
-    });
+    let withheld = withheld(objective, ladder.error());
     let integrator_error = integrator_error.max(fit.held_out_step_error(objective));
     let rollouts = objective.rollouts();
     let left = remaining(objective, &fit.u);

@@ -16,15 +16,16 @@ mod time_step;
 
 pub use crate::residual_model::NOISE;
 pub use derivative::columns;
+pub(crate) use estimate::NINETY_FIVE;
 pub use estimate::{
     Estimate, Identifiable, Intervals, NullDirection, Sensitivity, estimates, identifiable, null_directions,
 };
-pub(crate) use fitted::RESTARTS;
 pub use fitted::{FitResult, fitted};
+pub(crate) use fitted::{RESTARTS, withheld};
 pub use measure::ComparisonMeasure;
 pub use objective::{LogSet, Objective, StopSignal};
-pub(crate) use remaining::remaining;
-pub use remaining::{Degree, RemainingError};
+pub use remaining::{Degree, RelativeError, RemainingError};
+pub(crate) use remaining::{relative_errors, remaining};
 pub use residual_vector::{ResidualVector, corrected, squares};
 pub use rollouts::{rows_near, shared};
 pub use solve::{FitPoint, FitStop, SearchBudget, cost};

@@ -37,6 +37,17 @@ pub struct RemainingError {
     pub x_repeatability: Option<f64>,
 }
 
+/// What is left of a channel, in percent of the root mean square of its readings.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RelativeError {
+    /// The channel.
+    pub channel: String,
+    /// On the training logs.
+    pub train_percent: Option<f64>,
+    /// On the held-out logs.
+    pub held_out_percent: Option<f64>,
+}
+
 /// The sums of a channel over logs.
 #[derive(Default)]
 struct ChannelSum {
@@ -77,6 +88,38 @@ pub(crate) fn remaining(objective: &Objective, u: &[f64]) -> Vec<RemainingError>
         }
     };
     sums.into_iter().filter(|(_, sum)| sum.samples > 0.0).map(error).collect()
+}
+
+/// What is left of each channel at a point; empty where the model does not know the measured values.
+pub(crate) fn relative_errors(objective: &Objective, u: &[f64]) -> Vec<RelativeError> {
+    let of_set = |set: LogSet| percents(objective, u, set).unwrap_or_default();
+    let (train, held_out) = (of_set(LogSet::Learn), of_set(LogSet::HeldOut));
+    let error = |(channel, percent): (&String, &f64)| RelativeError {
+        channel: channel.clone(),
+        train_percent: Some(*percent).filter(|percent| percent.is_finite()),
+        held_out_percent: held_out.get(channel).copied().filter(|percent| percent.is_finite()),
+    };
+    train.iter().map(error).collect()
+}
+
+/// For each channel of a set of logs, the root mean square of its residual in percent of that of its readings.
+fn percents(objective: &Objective, u: &[f64], set: LogSet) -> Option<IndexMap<String, f64>> {
+    let residual = objective.residual(u, set).ok()?;
+    let (mut sums, mut first): (IndexMap<String, [f64; 2]>, usize) = (IndexMap::new(), 0);
+    for &log in objective.logs(set) {
+        let (recorded, measured) = (&objective.description.logs[log], &objective.description.measured[log]);
+        for channel in &recorded.channels {
+            let of_log = residual.get(first..first + recorded.rows())?.get(channel.samples.clone())?;
+            let [left, whole] = sums.entry(channel.name.clone()).or_default();
+            // Rows that are not compared are zero.
+            for (r, y) in of_log.iter().zip(measured.get(channel.samples.clone())?).filter(|(r, _)| **r != 0.0) {
+                *left += (r * channel.sigma).powi(2);
+                *whole += y * y;
+            }
+        }
+        first += recorded.rows();
+    }
+    Some(sums.into_iter().map(|(name, [left, whole])| (name, 100.0 * (left / whole).sqrt())).collect())
 }
 
 impl Degree {

@@ -12,6 +12,7 @@ mod log_parts;
 mod measured;
 mod problem;
 mod problem_error;
+mod regressor;
 mod residuals;
 mod simulated;
 mod start;

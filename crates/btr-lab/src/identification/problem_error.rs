@@ -40,6 +40,12 @@ pub enum ProblemError {
     /// Logs without any measured position.
     #[error("no joint's position is measured in the training logs")]
     Blind,
+    /// Base parameters of a robot of which some joint's motion is simulated.
+    #[error("base parameters follow from torques that given motions require, and the motion of {} is simulated", .0.join(", "))]
+    NotPrescribed(Vec<String>),
+    /// Base parameters of a model of which a length is free.
+    #[error("base parameters hold for links of given lengths, and `{0}` is a parameter")]
+    FreeLength(String),
     /// Logs that have nothing in common with a simulation.
     #[error("no channel is both measured and simulated")]
     Nothing,
@@ -58,6 +64,10 @@ impl ProblemError {
             ProblemError::Still => {
                 Text::from("record the joints while they are driven; ") + Verb::Check + " tells what is in a log"
             }
+            ProblemError::NotPrescribed(_) => {
+                "kind = \"prescribed\" under [actuators.\"*\"], and base = \"fixed\", compare torques instead".into()
+            }
+            ProblemError::FreeLength(_) => "fit lengths first, and state them in the robot's file".into(),
             ProblemError::Short(_) => {
                 format!("record some seconds of motion, {FEWEST_SAMPLES} samples at the very least").into()
             }

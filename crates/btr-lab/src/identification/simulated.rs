@@ -9,7 +9,7 @@ use btr_identify::diagnose::ResidualLaw;
 use btr_identify::residual_model::{EffectCandidate, TimeStep};
 use btr_physics::effects::{Effect, FormulaTarget, Param, PlacedEffect};
 use btr_physics::model::parameter::Target;
-use btr_physics::model::{ModelRequest, Scenario};
+use btr_physics::model::{Model, ModelRequest, Scenario};
 
 /// The model at a point: the values of its free parameters, the values that differ from its own, and further effects.
 pub(crate) struct ModelPoint {
@@ -19,6 +19,26 @@ pub(crate) struct ModelPoint {
 }
 
 impl ModelPoint {
+    /// The same with further effects.
+    pub(crate) fn and(mut self, effects: &[PlacedEffect]) -> Self {
+        self.effects.extend_from_slice(effects);
+        self
+    }
+
+    /// The same with these values in the place of the model's.
+    pub(crate) fn with(mut self, values: impl IntoIterator<Item = (Target, f64)>) -> Self {
+        self.values.extend(values);
+        self
+    }
+
+    /// The values of the model's standard parameters at this point.
+    ///
+    /// # Errors
+    /// An effect with invalid values.
+    pub(crate) fn standard_values(&self, model: &Model) -> Result<Vec<f64>, WorldError> {
+        model.standard_values(&self.s, &self.values, &self.effects)
+    }
+
     /// A rollout at this point.
     pub(crate) fn request<'a>(&'a self, scenario: &'a Scenario) -> ModelRequest<'a> {
         ModelRequest::new(&self.s, scenario).values(&self.values).effects(&self.effects)

@@ -256,7 +256,7 @@ fn off(param: &Param) -> String {
 }
 
 /// Rounds a bound to two digits.
-fn rounded(x: f64) -> f64 {
+pub(super) fn rounded(x: f64) -> f64 {
     format!("{x:.1e}").parse().unwrap_or(x)
 }
 

@@ -5,6 +5,7 @@ mod add_effect;
 mod add_law;
 mod enlarged;
 mod paths;
+mod rigid_bodies;
 
 pub use adapt::{FittedValue, SpacePoint, adapted, adapted_with_drive, at, in_finer_steps};
 pub(crate) use add_effect::add_scaled;
@@ -13,3 +14,4 @@ pub use add_law::{OwnLaw, OwnNumber, add_law};
 pub use enlarged::enlarges;
 pub(crate) use paths::each_named_file;
 pub use paths::{moved, named_files};
+pub(crate) use rigid_bodies::{StatedBody, with_bodies};

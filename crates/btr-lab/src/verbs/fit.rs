@@ -1,5 +1,6 @@
 //! `fit`: estimates of the free parameters with their uncertainties.
 
+use super::base_parameters::BaseReport;
 use crate::experiment::LeftOutLog;
 use crate::identification::{Doubt, NoiseFloor, VerbInput};
 use crate::model_text::{FittedValue, adapted, in_finer_steps};
@@ -38,6 +39,9 @@ pub struct FitReport {
     pub stop_reason: FitStop,
     /// Why there are no intervals, if there are none.
     pub withheld: Option<String>,
+    /// What the logs tell about all of the robot's dynamic parameters, where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base_parameters: Option<BaseReport>,
     /// The noise floors.
     pub noise_floor: Vec<NoiseFloor>,
     /// Findings of `check` that make the result doubtful.
@@ -88,6 +92,7 @@ pub fn fit(
         error_ladder: fitted.ladder,
         stop_reason: fitted.ended,
         withheld: fitted.withheld,
+        base_parameters: None,
         noise_floor: input.floors(),
         doubts: input.doubts.clone(),
         not_judged: input.not_judged.clone(),
@@ -104,7 +109,8 @@ pub fn fit(
 
 impl VerbInput {
     /// The text of the fitted model for a file in the folder `into`, with the time step of the fit. A parameter with an
-    /// interval has its standard deviation, as the prior of a fit to further logs.
+    /// interval has its standard deviation, as the prior of a fit to further logs. With base parameters, it has the
+    /// possible values of all of them.
     ///
     /// # Errors
     /// A text that is not TOML; it was parsed before, so this does not happen.
@@ -118,6 +124,8 @@ impl VerbInput {
         let sd = |name: &str| report.parameters.iter().find(|estimate| estimate.name == name)?.prior_sd;
         let values = self.values(fit).map(|(name, value)| FittedValue { name, value, sd: sd(name) });
         let text = adapted(&self.source, values, into)?;
+        let possible = report.base_parameters.as_ref().and_then(|base| base.possible.as_ref());
+        let text = possible.map_or_else(|| Ok(text.clone()), |possible| possible.written_into(&text))?;
         let setup = &self.problem.model().setup;
         if step == TimeStep::USUAL { Ok(text) } else { in_finer_steps(&text, setup, step.divides_by()) }
     }

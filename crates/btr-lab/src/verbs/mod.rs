@@ -1,6 +1,7 @@
 //! The operations of the command line and of Python on a model and its logs: check, compare, diagnose, fit, add
 //! effects.
 
+mod base_parameters;
 mod check;
 mod compare;
 mod diagnose;
@@ -15,6 +16,7 @@ mod stated_low;
 pub use crate::identification::{Doubt, ErrorUnit, NoiseFloor, ProblemError, VerbInput, doubts};
 pub use crate::log_quality::repeats::{Drift, RepeatReport, RepeatedChannel, RepeatedRegime, RunOutlier};
 pub use crate::model_text::{AddError, Addition, OwnLaw, OwnNumber, add, add_law};
+pub use base_parameters::{BaseReport, PossibleBody, PossibleReport, base_parameters};
 pub use check::{CheckReport, IdentifiabilityReport, check};
 pub use compare::{CompareReport, compare};
 pub use diagnose::diagnose;

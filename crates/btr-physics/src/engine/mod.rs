@@ -8,6 +8,7 @@ pub mod rapier;
 pub use articulated::forward_dynamics;
 pub use assemble::{carried_inertia, turned_inertia};
 
+use crate::robot::Joint;
 use btr_core::signal::smooth::Motion;
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -97,6 +98,15 @@ pub struct Dof {
     pub armature: f64,
     /// The joint's motion over the coming step, if it is prescribed.
     pub prescribed: Option<PrescribedMotion>,
+}
+
+impl Dof {
+    /// What acts in a joint by itself, without a motor.
+    pub(crate) fn passive(joint: &Joint) -> Self {
+        let torque = Affine { damping: joint.damping, ..Affine::default() };
+        let (dry_friction, armature) = (joint.dry_friction, joint.armature);
+        Dof { torque, dry_friction, armature, ..Dof::default() }
+    }
 }
 
 /// A prescribed motion over one step.

@@ -4,6 +4,7 @@
 pub mod parameter;
 mod request;
 mod rollouts;
+mod standard;
 pub mod task;
 
 use crate::drive::{Drive, DrivePlan};

@@ -302,12 +302,9 @@ impl JointControl {
     fn new(joint: &Joint, inertia: f64, setup: &Setup) -> Self {
         let motor = Motor::new(joint, inertia, setup.dt_s);
         let interpolated = setup.interpolate || motor.is_prescribed();
-        let torque = Affine { damping: joint.damping, ..Affine::default() };
-        let (dry_friction, armature) = (joint.dry_friction, joint.armature);
-        let passive = Dof { torque, dry_friction, armature, ..Dof::default() };
         JointControl {
             motor,
-            passive,
+            passive: Dof::passive(joint),
             instances: Vec::new(),
             inertia,
             interpolated,

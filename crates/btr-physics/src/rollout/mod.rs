@@ -18,6 +18,7 @@ mod request;
 pub mod restart;
 
 pub use batch::lanes;
+pub(crate) use prepare::apply_static_effects;
 pub use request::{RolloutRequest, StateHook};
 
 use crate::setup::setup_error;

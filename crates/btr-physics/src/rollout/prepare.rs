@@ -68,7 +68,7 @@ pub(super) fn sense(robot: &Robot, effects: &[PlacedEffect], log: &mut Log) -> R
 }
 
 /// Applies the effects that change the robot or the setup before the rollout.
-pub(super) fn apply_static_effects<'a>(
+pub(crate) fn apply_static_effects<'a>(
     robot: &'a Robot,
     effects: &[PlacedEffect],
     mut setup: Cow<'a, Setup>,

@@ -169,6 +169,7 @@ def fit(
     held_out: Sequence[_Given],
     add: Sequence[str],
     freeze: Sequence[str],
+    base_parameters: bool,
     strict: bool,
     tell: _Tell,
     executor: int | _Executor | None,

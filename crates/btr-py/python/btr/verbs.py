@@ -119,18 +119,23 @@ def fit(
     held_out: LogLike | Iterable[LogLike] | None = None,
     add: str | Iterable[str] | None = None,
     freeze: str | Iterable[str] | None = None,
+    base_parameters: bool = False,
     strict: bool = False,
     tell: Tell | None = None,
     executor: ExecutorLike = None,
 ) -> FitResult:
     """Fits the free parameters: values with 95 % intervals, in their units, and the fitted model. `add` adds effects
     first. `freeze` keeps the free parameters of these names at the model's values; `*` in a name matches any characters
-    (`"mass@*"`). `executor` selects where simulations run (see `btr.executors`). Raises `BtrError` for a model without
-    free parameters, for logs without information, or on which the model diverges. Logs that cannot be used are left out
-    among others, unless `strict` (see `check`). An exception of `tell` ends the fit."""
+    (`"mass@*"`). `base_parameters` also estimates, for an arm whose motion is prescribed, the combinations of masses,
+    moments, inertias, friction and rotors that the logs tell; the fitted model then has possible values of all of them.
+    `executor` selects where simulations run (see `btr.executors`). Raises `BtrError` for a model without free
+    parameters (unless `base_parameters`), for logs without information, or on which the model diverges. Logs that
+    cannot be used are left out among others, unless `strict` (see `check`). An exception of `tell` ends the fit."""
     model, workers, tell = loaded(model), executor_of(executor), _heard(tell)
     added, frozen = _texts(add), _texts(freeze)
     given = Logs(model._model)
     learn, held = given.all(logs), given.all(held_out)
-    document, page, space, fitted = _btr.fit(model._model, learn, held, added, frozen, strict, tell, workers)
+    document, page, space, fitted = _btr.fit(
+        model._model, learn, held, added, frozen, base_parameters, strict, tell, workers
+    )
     return FitResult(_warned(json.loads(document)), page, json.loads(space), model._with_text(fitted))

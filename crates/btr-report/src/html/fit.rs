@@ -3,13 +3,14 @@
 use super::ladder::{fall, fine_print};
 use super::page::{Block, Report, Section};
 use crate::Subject;
+use crate::base_parameters;
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
-use crate::table::{maybe, number};
+use crate::table::{Table, maybe, number};
 use crate::text::{integrator, interval, what_remains};
 use btr_core::space::Dim;
 use btr_identify::fit::{Estimate, FitStop};
-use btr_lab::verbs::{ErrorUnit, FitReport};
+use btr_lab::verbs::{BaseReport, ErrorUnit, FitReport};
 
 /// The page of `btr fit`; `u` is the fitted point of the free parameters.
 pub fn fit(subject: &Subject, found: &FitReport, u: &[f64]) -> String {
@@ -20,6 +21,7 @@ pub fn fit(subject: &Subject, found: &FitReport, u: &[f64]) -> String {
     ladder.blocks.push(Block::Text(format!("The search ended because {}.", why(found.stop_reason))));
     let mut sections = vec![lead, ladder, values(subject, found)];
     sections.extend(not_identifiable(found));
+    sections.extend(found.base_parameters.as_ref().map(base));
     sections.extend(subject.before_and_after(u, "with the values above"));
     let integrator = integrator(found.integrator_error, found.time_step_s);
     sections.push(fine_print(subject.input, &found.noise_floor, &integrator, found.rollouts));
@@ -97,4 +99,18 @@ fn not_identifiable(found: &FitReport) -> Option<Section> {
     let blocks = vec![Block::List(sentences)];
     (!found.null_directions.is_empty())
         .then(|| Section { title: "Not identifiable from these logs".to_owned(), blocks })
+}
+
+/// What the logs tell about all dynamic parameters.
+fn base(found: &BaseReport) -> Section {
+    let table = |table: Table| {
+        let (header, rows) = table.into_parts();
+        Block::Table { header, rows }
+    };
+    let mut blocks = vec![table(base_parameters::combinations(found)), table(base_parameters::remaining(found))];
+    blocks.extend(base_parameters::sentences(found).into_iter().map(Block::Text));
+    if let Some(possible) = &found.possible {
+        blocks.extend([Block::Text(base_parameters::can_be(possible)), table(base_parameters::possible(possible))]);
+    }
+    Section { title: "Base parameters".to_owned(), blocks }
 }

@@ -12,8 +12,9 @@ use super::objective::{LogSet, Objective};
 use super::solve::FitPoint;
 use clusters::{between_logs, by_clusters};
 use nalgebra::DVector;
+pub(crate) use precision::NINETY_FIVE;
 pub(super) use precision::information;
-use precision::{NINETY_FIVE, covariance, independent, posterior_precision, roots};
+use precision::{covariance, independent, posterior_precision, roots};
 use serde::{Deserialize, Serialize};
 
 /// If priors that are wider by this factor...

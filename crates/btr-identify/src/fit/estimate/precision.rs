@@ -5,7 +5,7 @@ use crate::residual_model::FitParameter;
 use nalgebra::DMatrix;
 
 /// Standard deviations of a 95 % interval.
-pub(super) const NINETY_FIVE: f64 = 1.96;
+pub(crate) const NINETY_FIVE: f64 = 1.96;
 
 /// The information of the logs, JᵀJ in units of the priors, so that it can be compared with that of the priors.
 pub(in crate::fit) fn information(parameters: &[FitParameter], fit: &FitPoint) -> Option<DMatrix<f64>> {

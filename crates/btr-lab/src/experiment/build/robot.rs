@@ -29,8 +29,24 @@ impl Builder<'_> {
         if let Some(height) = section.height_m {
             robot.start.translation.z = height;
         }
+        self.links(&mut robot)?;
         self.actuators(&mut robot)?;
         Ok(robot)
+    }
+
+    /// Sets the inertial parameters that the file states.
+    fn links(&self, robot: &mut Robot) -> Result<(), FileError> {
+        for (name, stated) in &self.file.links {
+            let known = robot.links.iter().map(|link| link.name.as_str());
+            let index = robot.link(name).ok_or_else(|| self.unknown(&["links", name], "link", name, known))?;
+            let numbers = stated.com_m.iter().chain(&stated.inertia_kg_m2);
+            if !(stated.mass_kg >= 0.0 && numbers.chain([&stated.mass_kg]).all(|x| x.is_finite())) {
+                let message = format!("`{name}` needs finite numbers, and a mass that is not negative");
+                return Err(self.error(&["links", name], message, None));
+            }
+            robot.links[index].set_stated(stated);
+        }
+        Ok(())
     }
 
     /// A missing URDF is an error of the model file; an invalid one is an error of the URDF.

@@ -9,6 +9,7 @@ use super::simulation::{NoiseSection, SimulationSection};
 use btr_core::coevolve::Plan;
 use btr_core::distance::DistanceSpec;
 use btr_io::Mapping;
+use btr_physics::inertials::StatedInertials;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -24,6 +25,10 @@ pub struct File {
     pub seed: u64,
     /// The robot.
     pub robot: RobotSection,
+    /// Inertial parameters of links by name, instead of those in the robot's own file. `fit --base-parameters` writes
+    /// them.
+    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
+    pub links: IndexMap<String, StatedInertials>,
     /// Actuators by joint name or pattern (`*` matches anything); later entries take precedence.
     #[serde(default)]
     pub actuators: IndexMap<String, ActuatorSection>,

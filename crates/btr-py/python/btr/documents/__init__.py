@@ -6,6 +6,14 @@ without a type. A declared key that a document does not have is None if its type
 typed as tuples and are lists of two at run time, as in JSON.
 """
 
+from btr.documents._base_parameters import (
+    BaseParameters,
+    Combination,
+    CombinationPart,
+    PossibleBodies,
+    PossibleBody,
+    RelativeError,
+)
 from btr.documents._common import (
     Degree,
     Dimension,
@@ -74,6 +82,7 @@ from btr.documents._record import Record
 
 __all__ = [
     "Augmentation",
+    "BaseParameters",
     "Belief",
     "ByDistance",
     "Cause",
@@ -83,6 +92,8 @@ __all__ = [
     "CheckedLog",
     "ClockReport",
     "Clue",
+    "Combination",
+    "CombinationPart",
     "CommandLag",
     "CommandResponse",
     "CorrectedValue",
@@ -114,6 +125,8 @@ __all__ = [
     "NoiseFloor",
     "NullDirection",
     "OpenDirection",
+    "PossibleBodies",
+    "PossibleBody",
     "Promise",
     "RankedCandidate",
     "RealityGap",
@@ -121,6 +134,7 @@ __all__ = [
     "Record",
     "Regime",
     "RegimeFailure",
+    "RelativeError",
     "RemainingError",
     "Repeatability",
     "RepeatedChannel",

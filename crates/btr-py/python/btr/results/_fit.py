@@ -45,6 +45,8 @@ class FitResult(Reported):
     """Why the fit ended."""
     withheld: str | None
     """Why there are no intervals; None if there are."""
+    base_parameters: doc.BaseParameters | None
+    """What the logs tell about all dynamic parameters of an arm; None unless asked for."""
     noise_floor: list[doc.NoiseFloor]
     """The noise floor of each channel."""
     doubts: list[doc.Doubt]
