@@ -111,3 +111,36 @@ fn rows_that_a_column_marks_as_bad_are_left_out() {
     assert!(glitches.iter().all(|glitch| glitch["kind"] != "spike"), "{glitches:?}");
     assert!(!glitches.is_empty() && glitches.iter().all(|glitch| glitch["left_out"] == false));
 }
+
+/// Yaw is stuck for two samples each, which the error of a model without its friction hides.
+#[test]
+fn what_only_the_fitted_model_shows_is_left_out_and_told() {
+    let lab = lab();
+    let yaw = POSITIONS[0];
+    let clean = std::fs::read_to_string(robots().join("arm").join("learn_1.csv")).unwrap();
+    lab.write("spoilt.csv", &clean);
+    let before = |row: usize| clean.lines().nth(row).unwrap().split(',').nth(yaw).unwrap().to_owned();
+    let stuck: Vec<usize> = (20..380).step_by(31).collect();
+    lab.edit("spoilt.csv", "spoilt.csv", |row, cells| {
+        if let Some(sample) = stuck.iter().copied().find(|sample| (sample + 1..sample + 3).contains(&row)) {
+            cells[yaw] = before(sample);
+        }
+        true
+    });
+    let arm = format!("{}/arm", robots().display());
+    let ask = |options: &str| {
+        lab.json(&format!(
+            "diagnose arm.toml spoilt.csv {arm}/learn_2.csv -q --held-out {arm}/held_out_1.csv {options}"
+        ))
+    };
+    let document = ask("");
+    assert_eq!(answer(&document), json!(["effect_missing", [["coulomb_friction", "yaw"]]]), "{document}");
+    let found = document["glitches"].as_array().unwrap().iter();
+    let found: Vec<Value> = found.map(|it| json!([it["log"], it["channel"], it["sample"], it["samples"]])).collect();
+    assert!(!found.is_empty(), "{document}");
+    let planted: Vec<Value> = stuck.iter().map(|sample| json!(["spoilt.csv", "q_yaw", sample, 2])).collect();
+    assert!(found.iter().all(|glitch| planted.contains(glitch)), "{found:?}");
+    let sentence = document["doubts"].as_array().unwrap().iter().map(|doubt| doubt["sentence"].as_str().unwrap());
+    assert!(sentence.into_iter().any(|text| text.contains("beside the fitted model")), "{document}");
+    assert!(ask("--keep-glitches").get("glitches").is_none());
+}

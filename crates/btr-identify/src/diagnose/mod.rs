@@ -25,19 +25,18 @@ pub use residual_law::ResidualLaw;
 
 use crate::LadderStep;
 use crate::fit::measure::ComparisonMeasure;
+use crate::fit::second_look::{LEFT_OUT, without_glitches};
 use crate::fit::{Degree, FitPoint, Intervals, Objective, RESTARTS, SearchBudget, estimates, remaining};
 use btr_core::world::{Cancelled, WorldError};
 use companion::{companion, exchange, exchange_for_larger, is_near};
 use evidence::NoiseBound;
 use refit::Rival;
+use report::SEARCH;
 use residual_law::residual_law;
 use round::{SecondLooks, round};
 use state::DiagnosisState;
 use thresholds::{AT_MOST_WITH_LEFT_OVER, LEFT_OVER};
-use together::together;
-
-/// Share of the rollouts for effects; the rest is for a law.
-const SEARCH: f64 = 0.8;
+use together::two;
 
 /// Finds out which effects of the model's candidates are missing; `on_step` is called with every step of the ladder as
 /// it is reached.
@@ -57,8 +56,9 @@ pub fn diagnose(
     if objective.model.is_cancelled() { Err(Cancelled.into()) } else { Ok(diagnosis) }
 }
 
-/// Continues with starts from the fitted model, for at most `restarts_left` times. Without contact, such starts are
-/// accepted if nothing else is left to explain: a model that lacks something prefers starts that compensate for it.
+/// Continues without the glitches that show beside the fitted model, and with starts from it, for at most
+/// `restarts_left` times. Without contact, such starts are accepted if nothing else is left to explain: a model that
+/// lacks something prefers starts that compensate for it.
 fn go_on_with_new_starts(
     objective: &mut Objective,
     question: DiagnoseOptions,
@@ -67,9 +67,14 @@ fn go_on_with_new_starts(
     restarts_left: usize,
 ) -> Diagnosis {
     let contact = objective.description.has_contact;
-    let needs_new_starts =
-        state.leaves_something(objective, &state.fit) || (!contact && state.fails_on_held_out(objective));
-    if restarts_left == 0 || !needs_new_starts {
+    let is_explained =
+        !state.leaves_something(objective, &state.fit) && (contact || !state.fails_on_held_out(objective));
+    if let Some(cleaner) = (!is_explained).then(|| without_glitches(objective, &state.fit)).flatten() {
+        let mut again = objective.going_on(cleaner.as_ref(), &state.fit.u);
+        state.continue_with(&mut again, LEFT_OUT, on_step);
+        return go_on_with_new_starts(&mut again, question, state, on_step, restarts_left);
+    }
+    if restarts_left == 0 || is_explained {
         return go_on(objective, question, state, on_step);
     }
     let seen = objective.with_starts_at(&state.fit.u);
@@ -81,7 +86,7 @@ fn go_on_with_new_starts(
         objective.count(&again);
         return go_on(objective, question, state, on_step);
     }
-    state.continue_with(&mut again, on_step);
+    state.continue_with(&mut again, "starts re-estimated", on_step);
     if !contact {
         // From the wrong starts, a simpler effect may have fitted worse.
         let all = 0..state.chosen.len();
@@ -155,24 +160,6 @@ fn go_on(
         }
     }
     Diagnosis { cut_short, ..conclude(objective, question, state) }
-}
-
-/// The state with two effects that are only confirmed together, if there are such and the rollouts allow to look.
-fn two(
-    objective: &mut Objective,
-    state: &mut DiagnosisState,
-    question: DiagnoseOptions,
-    second_looks: &mut SecondLooks,
-) -> Option<DiagnosisState> {
-    let next = objective.rollouts().saturating_add(screen::rollouts(objective));
-    let (room, allowed) = (state.effects(objective) + 2 <= question.max_effects, question.allows(SEARCH, next));
-    second_looks.refused |= room && !allowed && state.unconfirmed.is_some();
-    let step = objective.step();
-    let both = (room && allowed).then(|| together(objective, state, second_looks)).flatten();
-    if both.is_none() && objective.step() != step {
-        state.integrator = state.fit.renew_step_error(objective);
-    }
-    both
 }
 
 /// Adds an effect to the findings, and drops or replaces earlier ones by simpler ones where it makes them superfluous.
@@ -299,6 +286,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
         rivals: state.rivals,
         residual_law: law,
         cut_short: false,
+        glitches: objective.description.glitches.clone(),
         rollouts,
         fit: state.fit,
     }

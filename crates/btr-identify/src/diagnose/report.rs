@@ -3,8 +3,12 @@
 use super::residual_law::ResidualLaw;
 use crate::LadderStep;
 use crate::fit::{Degree, Estimate, FitPoint, RemainingError};
+use crate::quality::GlitchReport;
 use crate::residual_model::{CandidateKind, EffectCandidate};
 use serde::{Deserialize, Serialize};
+
+/// Share of the rollouts for effects; the rest is for a law.
+pub(super) const SEARCH: f64 = 0.8;
 
 /// Limits of a diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -165,6 +169,8 @@ pub struct Diagnosis {
     pub residual_law: Option<ResidualLaw>,
     /// Whether the limit of rollouts ended it.
     pub cut_short: bool,
+    /// The glitches that showed beside a fitted model and were left out, each with its log.
+    pub glitches: Vec<(usize, GlitchReport)>,
     /// Simulated logs.
     pub rollouts: usize,
 }

@@ -260,7 +260,7 @@ impl DiagnosisState {
     }
 
     /// Continues with another objective.
-    pub(super) fn continue_with(&mut self, objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) {
+    pub(super) fn continue_with(&mut self, objective: &mut Objective, step: &str, on_step: &dyn Fn(&LadderStep)) {
         for fit in [&mut self.bare, &mut self.fit] {
             // A point that cannot be simulated from the new starts stays as it was.
             if let Ok(again) = FitPoint::at(objective, fit.active.clone(), fit.u.clone(), &[]) {
@@ -269,7 +269,7 @@ impl DiagnosisState {
         }
         self.integrator = self.fit.renew_step_error(objective);
         self.fit.solve(objective, SearchBudget::FULL);
-        self.record(objective, "starts re-estimated".to_owned(), on_step);
+        self.record(objective, step.to_owned(), on_step);
     }
 
     /// Whether any effect could be accepted on top of a fit: below the noise and the integrator's error there is

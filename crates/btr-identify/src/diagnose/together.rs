@@ -2,16 +2,35 @@
 //! accepted alone. The one that the training logs show is taken for granted, and a round looks for the other.
 
 use super::evidence::LogErrors;
-use super::report::Evidence;
+use super::report::{DiagnoseOptions, Evidence, SEARCH};
 use super::round::{SecondLooks, round};
+use super::screen;
 use super::state::DiagnosisState;
 use super::thresholds::HELD_OUT_FALL;
 use crate::fit::Objective;
 use crate::fit::measure::held_out_squares;
 
+/// The state with two effects that are only confirmed together, if there are such and the rollouts allow to look.
+pub(super) fn two(
+    objective: &mut Objective,
+    state: &mut DiagnosisState,
+    question: DiagnoseOptions,
+    second_looks: &mut SecondLooks,
+) -> Option<DiagnosisState> {
+    let next = objective.rollouts().saturating_add(screen::rollouts(objective));
+    let (room, allowed) = (state.effects(objective) + 2 <= question.max_effects, question.allows(SEARCH, next));
+    second_looks.refused |= room && !allowed && state.unconfirmed.is_some();
+    let step = objective.step();
+    let both = (room && allowed).then(|| together(objective, state, second_looks)).flatten();
+    if both.is_none() && objective.step() != step {
+        state.integrator = state.fit.renew_step_error(objective);
+    }
+    both
+}
+
 /// The state with the effect that was not confirmed in the last round and another one, if the held-out logs confirm
 /// both: each lowers their error beside the other.
-pub(super) fn together(
+fn together(
     objective: &mut Objective,
     state: &DiagnosisState,
     second_looks: &mut SecondLooks,

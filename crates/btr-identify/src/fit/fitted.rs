@@ -5,8 +5,10 @@ use super::measure::{ComparisonMeasure, held_out_squares};
 use super::objective::{LogSet, Objective};
 use super::remaining::{Degree, RemainingError, remaining};
 use super::residual_vector::chi;
+use super::second_look::{LEFT_OUT, without_glitches};
 use super::solve::{FitPoint, FitStop, SearchBudget};
 use crate::LadderStep;
+use crate::quality::GlitchReport;
 use crate::residual_model::TimeStep;
 use btr_core::world::{Cancelled, WorldError};
 
@@ -49,6 +51,8 @@ pub struct FitResult {
     pub degree: Degree,
     /// What is left in each channel.
     pub left: Vec<RemainingError>,
+    /// The glitches that showed beside the fitted model and were left out, each with its log.
+    pub glitches: Vec<(usize, GlitchReport)>,
     /// Simulated logs.
     pub rollouts: usize,
 }
@@ -99,7 +103,7 @@ pub fn fitted(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Resul
 }
 
 /// Continues with start states from the fitted model, at most `restarts_left` times. Without contact, that is always
-/// tried, and accepted if it lowers the error enough.
+/// tried, and accepted if it lowers the error enough. Glitches that show beside the fitted model are left out first.
 fn refine_starts(
     objective: &Objective,
     done: FinishedSearch,
@@ -107,6 +111,13 @@ fn refine_starts(
     restarts_left: usize,
 ) -> Result<FitResult, WorldError> {
     let contact = objective.description.has_contact;
+    if let Some(cleaner) = without_glitches(objective, &done.0) {
+        let mut again = objective.going_on(cleaner.as_ref(), &done.0.u);
+        let mut fit = FitPoint::at(&again, done.0.active.clone(), done.0.u.clone(), &[])?;
+        fit.renew_step_error(&mut again);
+        let done = finish(&mut again, fit, &mut ladder, LEFT_OUT);
+        return refine_starts(&again, done, ladder, restarts_left);
+    }
     if restarts_left == 0 || (contact && ladder.error() <= objective.noise_bound()) {
         return Ok(conclude(objective, done, ladder));
     }
@@ -227,6 +238,7 @@ fn conclude(
         step: objective.step(),
         degree,
         left,
+        glitches: objective.description.glitches.clone(),
         rollouts,
     }
 }

@@ -9,6 +9,7 @@ mod objective;
 mod remaining;
 pub(crate) mod residual_vector;
 mod rollouts;
+pub(crate) mod second_look;
 mod settle;
 mod solve;
 mod start;

@@ -4,6 +4,7 @@ mod channel;
 mod clock;
 mod dead_time;
 mod frozen;
+mod glitch_findings;
 mod glitches;
 mod influence;
 mod joint;
@@ -13,6 +14,7 @@ mod report;
 mod tests;
 
 pub use clock::FEWEST_SAMPLES;
+pub use glitch_findings::glitch_findings;
 pub use glitches::{find_glitches, leave_out_glitches, leave_out_glitches_beside};
 pub use references::check_references;
 pub use report::{ClockReport, CommandResponse, Finding, GlitchReport, Quality, SensorReport, Severity, Topic};
@@ -25,7 +27,7 @@ pub fn check(log: &Log, glitches: Vec<GlitchReport>) -> Quality {
     let (sensors, joints, findings) = (Vec::new(), Vec::new(), Vec::new());
     let mut quality = Quality { clock: clock::of(log), glitches, sensors, joints, findings };
     let mut findings = clock::findings(&quality.clock, log);
-    findings.extend(glitches::findings(&quality.glitches, log.len()));
+    findings.extend(glitch_findings(&quality.glitches, log.len(), ""));
     for (name, channel) in known() {
         let sensor = channel::sensor(name, channel, glitches::left_out_of(&quality.glitches, name));
         findings.extend(channel::findings(&sensor, channel));

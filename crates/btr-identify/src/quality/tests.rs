@@ -150,3 +150,17 @@ fn commands_are_compared_with_the_requested_ones() {
     other.values_mut("cmd_hip").unwrap().iter_mut().enumerate().for_each(|(k, c)| *c = (0.01 * k as f64).sin());
     assert!(say(&other).starts_with("its cmd_hip is not what was requested"), "{}", say(&other));
 }
+
+#[test]
+fn a_sensor_that_is_stuck_for_long_is_left_out_as_a_whole() {
+    let mut log = Log::new((0..400).map(|i| 0.005 * f64::from(i)).collect()).unwrap();
+    let mut readings: Vec<f64> = (0..400).map(|i| 0.5 * (0.005 * f64::from(i)).sin()).collect();
+    // More than 5 % of the readings.
+    let last = readings[99];
+    readings[100..160].fill(last);
+    log.insert("q_hip", "rad", Role::Measured, readings).unwrap();
+    let found = leave_out_glitches(&mut log);
+    let told: Vec<(usize, usize, bool)> = found.iter().map(|it| (it.sample, it.samples, it.left_out)).collect();
+    assert_eq!(told, [(100, 60, true)]);
+    assert!(log.values("q_hip").unwrap()[100..160].iter().all(|x| x.is_nan()));
+}

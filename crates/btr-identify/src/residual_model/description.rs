@@ -3,6 +3,7 @@
 use super::candidate::{EffectCandidate, LawTerm};
 use super::log::{LogStart, RecordedLog};
 use super::parameter::FitParameter;
+use crate::quality::GlitchReport;
 use std::sync::Arc;
 
 /// Largest error, in multiples of the noise floor, of a residual that counts as noise. Above it the residual has
@@ -53,6 +54,9 @@ pub struct ModelDescription {
     pub clocks_s: Vec<Vec<f64>>,
     /// For each log, the measured values in the rows of its residual, in the channels' units; empty where unknown.
     pub measured: Vec<Vec<f64>>,
+    /// Glitches that showed beside the model at another point and are left out, each with its log; see
+    /// [`Derivation::WithoutGlitchesAt`](super::Derivation::WithoutGlitchesAt).
+    pub glitches: Vec<(usize, GlitchReport)>,
     /// For each log, how it begins.
     pub starts: Vec<LogStart>,
     /// Standard deviation of the prior of the numbers of all starts, in units of
@@ -92,6 +96,7 @@ impl ModelDescription {
             law_terms: Vec::new(),
             clocks_s: vec![Vec::new(); logs.len()],
             measured: vec![Vec::new(); logs.len()],
+            glitches: Vec::new(),
             starts: (0..logs.len()).map(start).collect(),
             logs,
             start_spread: f64::INFINITY,

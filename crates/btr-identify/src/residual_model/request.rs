@@ -47,4 +47,7 @@ pub enum Derivation {
     /// around a motion that has run off from the measured one, no probe shows the way back. Available for robots on a
     /// fixed base that touch nothing and none of whose joints follows a prescribed motion.
     InWindows,
+    /// The readings that depart from the model's motion at these coordinates as no error of a model does are left out.
+    /// Not available where there are none, nor where glitches are kept.
+    WithoutGlitchesAt(Vec<f64>),
 }

@@ -1,7 +1,7 @@
 //! What is found where logs, steps, signs or contact make it difficult.
 
-use crate::synthetic::{NO_STEP, PERIOD_S, SAMPLES, SyntheticModel, names, swing};
-use btr_identify::diagnose::{DiagnoseOptions, Verdict, diagnose};
+use crate::synthetic::{GLITCH, NO_STEP, PERIOD_S, SAMPLES, SyntheticModel, names, swing};
+use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use btr_identify::fit::Objective;
 use btr_identify::residual_model::MeasuredChannel;
 use std::sync::Arc;
@@ -165,4 +165,30 @@ fn with_contact_the_leading_effect_is_tried_at_other_sites_if_it_leaves_much() {
     let diagnosis = model.diagnosis();
     let found = &diagnosis.effects[0];
     assert_eq!((diagnosis.verdict, &*found.site), (Verdict::EffectMissing, "place 40"));
+}
+
+#[test]
+fn glitches_that_only_a_fitted_model_shows_do_not_change_the_verdict() {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| u[0] * swing(3.0, log, t) + 4.0 * u[1] * swing(5.0, log, t);
+    let clean = SyntheticModel::new(&["large"], &[0.4, 9.0], motion);
+    let mut spoilt = clean.clone();
+    for (log, sample) in [(0, 50), (1, 300), (2, 120), (2, 121)] {
+        spoilt.measured[log][sample] += 1.4 * GLITCH;
+    }
+    let (clean, spoilt) = (clean.diagnosis(), spoilt.diagnosis());
+    assert_eq!((spoilt.verdict, names(&spoilt)), (clean.verdict, names(&clean)));
+    assert_eq!((clean.verdict, names(&clean)), (Verdict::EffectMissing, vec!["large"]));
+    let steps = |diagnosis: &Diagnosis| diagnosis.ladder.iter().any(|step| step.step == "glitches left out");
+    assert!(steps(&spoilt) && !steps(&clean), "{:?}", spoilt.ladder);
+}
+
+#[test]
+fn an_error_that_nothing_explains_is_not_left_out_as_glitches() {
+    let motion = |u: &[f64], log: usize, t: f64, finer: f64| {
+        let unknown = if finer == NO_STEP { 1.2 * GLITCH } else { 0.0 };
+        u[0] * swing(3.0, log, t) + 4.0 * u[1] * swing(5.0, log, t) + unknown * (31.0 * t).sin().powi(5)
+    };
+    let diagnosis = SyntheticModel::new(&["large"], &[0.4, 9.0], motion).diagnosis();
+    assert!(matches!(diagnosis.verdict, Verdict::Unexplained | Verdict::PartlyExplained), "{:?}", diagnosis.verdict);
+    assert!(diagnosis.ladder.iter().all(|step| step.step != "glitches left out"), "{:?}", diagnosis.ladder);
 }

@@ -13,6 +13,8 @@ use std::sync::Arc;
 
 pub(crate) const SAMPLES: usize = 400;
 pub(crate) const PERIOD_S: f64 = 0.01;
+/// Least error of a glitch.
+pub(crate) const GLITCH: f64 = 90.0;
 
 pub(crate) type Motion = dyn Fn(&[f64], usize, f64, f64) -> f64 + Send + Sync;
 
@@ -101,6 +103,22 @@ impl SyntheticModel {
     }
 }
 
+impl SyntheticModel {
+    /// The model without the samples that are further than any error from the motion at a point.
+    fn without_glitches_at(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {
+        let mut other = self.clone();
+        for (log, measured) in other.measured.iter_mut().enumerate() {
+            for (i, x) in measured.iter_mut().enumerate() {
+                let error = *x - (self.motion)(u, log, i as f64 * PERIOD_S, 1.0);
+                *x = if error.abs() > GLITCH { f64::NAN } else { *x };
+            }
+            other.logs[log].present = measured.iter().filter(|x| x.is_finite()).count();
+        }
+        let gone = other.logs.iter().zip(&self.logs).any(|(now, before)| now.present < before.present);
+        gone.then(|| Box::new(other) as Box<dyn ResidualModel>)
+    }
+}
+
 pub(crate) fn parameter(name: &str, amplitude: bool) -> FitParameter {
     let (bounds, spread) = if amplitude { ((-40.0, 40.0), 30.0) } else { ((-3.0, 3.0), 1.0) };
     let (name, unit) = (name.to_owned(), "1".to_owned());
@@ -138,7 +156,11 @@ impl ResidualModel for SyntheticModel {
     }
 
     fn derive(&self, derivation: &Derivation) -> Option<Box<dyn ResidualModel>> {
-        let Derivation::Beginnings = derivation else { return None };
+        match derivation {
+            Derivation::Beginnings => (),
+            Derivation::WithoutGlitchesAt(u) => return self.without_glitches_at(u),
+            _ => return None,
+        }
         let mut short = SyntheticModel { beginning: None, ..self.clone() };
         for log in &mut short.logs {
             log.channels[0].samples.end = self.beginning?;

@@ -4,7 +4,7 @@ use super::build::Builder;
 use super::logs::batch::{BatchReader, DamagedLogs, LeftOutLog, LogBatch};
 use super::logs::index::IndexEntries;
 use super::logs::scenarios::ScenarioReader;
-use super::logs::source::{LogSource, Recordings};
+use super::logs::source::{LogSource, ReadLog, Recordings};
 use super::source::{FileError, Source};
 use crate::log_quality::repeats::Repeats;
 use crate::log_quality::{beside_model, coverage, quality, torque_noise};
@@ -32,6 +32,23 @@ pub struct Replays {
     pub recordings: Recordings,
     /// Runs of the same command.
     pub(crate) repeats: Repeats,
+    /// Where each scenario's log is in its file.
+    pub(crate) places: Vec<LogPlace>,
+    /// Whether glitches stay in the logs.
+    pub(crate) keeps_glitches: bool,
+}
+
+/// Where a scenario's log is in a file.
+#[derive(Clone, Debug)]
+pub(crate) struct LogPlace {
+    /// The file's path.
+    pub file: String,
+    /// Number of samples of the file, ...
+    pub samples: usize,
+    /// ... the first one of the log, ...
+    pub first: usize,
+    /// ... and its time in s.
+    pub begins_s: f64,
 }
 
 /// The quality of a log.
@@ -106,20 +123,25 @@ where
     let repeats = Repeats::of(&model, &logs, &declared);
     model.setup.noise.unpredictable.channels = repeats.noise();
     let all = recordings.learn.iter().chain(&recordings.held_out);
+    let place = |read: &ReadLog, k: usize| {
+        let begins_s = model.scenarios[k].begins_s;
+        let first = read.log.clock_s().partition_point(|t| *t < begins_s - ROUNDED_S);
+        LogPlace { file: read.path.display().to_string(), samples: read.log.len(), first, begins_s }
+    };
+    let placed = all.clone().zip(&scenarios).flat_map(|(read, of)| of.clone().map(|k| place(read, k)));
+    let places: Vec<LogPlace> = placed.collect();
     let checked = all.zip(scenarios).map(|(read, scenarios)| {
-        let in_file = |k: usize| {
-            let begins_s = model.scenarios[k].begins_s;
-            let first = read.log.clock_s().partition_point(|t| *t < begins_s - ROUNDED_S);
-            beside[k].iter().cloned().map(move |glitch| glitch.later(first, begins_s))
-        };
-        let glitches = read.glitches.iter().cloned().chain(scenarios.flat_map(in_file)).collect();
+        let in_file = |k: usize| beside[k].iter().cloned().map(move |glitch| (k, glitch));
+        let beside = scenarios.flat_map(in_file).map(|(k, glitch)| glitch.later(places[k].first, places[k].begins_s));
+        let glitches = read.glitches.iter().cloned().chain(beside).collect();
         CheckedLog {
             log: read.path.display().to_string(),
             quality: quality(&read.log, glitches, &model.robot, &model.setup.noise),
         }
     });
     let checked = checked.collect();
-    Ok(Replays { logs, warnings, checked, left_out, model, recordings, repeats })
+    let keeps_glitches = file.channels.keep_glitches;
+    Ok(Replays { logs, warnings, checked, left_out, model, recordings, repeats, places, keeps_glitches })
 }
 
 /// Rejects measurements that are for training and held out at once.

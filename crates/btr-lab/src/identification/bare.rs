@@ -34,6 +34,8 @@ impl IdentificationProblem {
             parts,
             situations: model.scenarios.clone(),
             rests: false,
+            searches_glitches: false,
+            glitches: Vec::new(),
             clocks_s: model.scenarios.iter().zip(&recorded).map(law_clock).collect(),
             model,
             recorded,

@@ -7,6 +7,7 @@ mod bare;
 mod candidates;
 mod catalogue;
 mod contact;
+mod glitches;
 mod input;
 mod log_parts;
 mod measured;
@@ -18,7 +19,7 @@ mod simulated;
 mod start;
 
 pub(crate) use catalogue::sites::{has_dry_friction, sites};
-pub use input::{Doubt, ErrorUnit, NoiseFloor, VerbInput, doubts};
+pub use input::{Doubt, ErrorUnit, FittedGlitch, NoiseFloor, VerbInput, doubts};
 pub use problem::IdentificationProblem;
 pub use problem_error::ProblemError;
 pub(crate) use start::moved::seen_starts;

@@ -4,6 +4,7 @@ use super::catalogue::law_terms::TermDefinition;
 use super::log_parts::LogPart;
 use crate::scales::RobotScales;
 use btr_core::log::Log;
+use btr_identify::quality::GlitchReport;
 use btr_identify::residual_model::{EffectCandidate, FitParameter, LawTerm, RecordedLog};
 use btr_physics::effects::Effect;
 use btr_physics::model::parameter::Target;
@@ -26,6 +27,10 @@ pub(super) enum Change {
 pub struct IdentificationProblem {
     pub(super) model: Arc<Model>,
     pub(super) recorded: Vec<Log>,
+    /// Whether glitches are searched beside fitted models.
+    pub(super) searches_glitches: bool,
+    /// Those that were found so and are left out, each with its scenario.
+    pub(super) glitches: Vec<(usize, GlitchReport)>,
     /// The model's scenarios, with the initial states estimated from the logs.
     pub(super) situations: Vec<Scenario>,
     /// Whether the robot is floating and has a standing start before every log.

@@ -34,6 +34,7 @@ impl ResidualModel for IdentificationProblem {
             law_terms: self.features.clone(),
             clocks_s: (0..self.logs.len()).map(clock).collect(),
             measured: (0..self.logs.len()).map(|log| self.measured_values(log)).collect(),
+            glitches: self.glitches_of_logs(),
             starts: (0..self.logs.len()).map(|log| self.start(log)).collect(),
             // For a floating robot, one nudge is one standard deviation of the initial state.
             start_spread: if self.model.robot.base == Base::Fixed { f64::INFINITY } else { 1.0 },
@@ -68,6 +69,7 @@ impl ResidualModel for IdentificationProblem {
             Derivation::WithStartsAt(u) => self.with_starts_at(u)?,
             Derivation::WithInitialState(moved) => self.with_initial_states(moved),
             Derivation::InWindows => self.in_windows()?,
+            Derivation::WithoutGlitchesAt(u) => self.without_glitches_at(u)?,
         };
         Some(Box::new(derived))
     }

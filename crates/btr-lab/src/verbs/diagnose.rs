@@ -103,6 +103,7 @@ pub fn diagnose(
     let began = Instant::now();
     let mut objective = Objective::new(residual_model).stopping_when(stop_signal);
     let diagnosis = btr_identify::diagnose::diagnose(&mut objective, options, on_step)?;
+    let glitches = input.in_files(&diagnosis.glitches);
     let report = DiagnoseReport {
         ok: true,
         verdict: diagnosis.verdict,
@@ -123,7 +124,8 @@ pub fn diagnose(
         next_experiment: input.next_experiment(&diagnosis.rivals),
         integrator_error: diagnosis.integrator_error,
         time_step_s: input.time_step_s(objective.step()),
-        doubts: input.doubts.clone(),
+        doubts: input.doubts_with(&glitches),
+        glitches,
         not_judged: input.not_judged.clone(),
         left_out: input.left_out.clone(),
         frozen: input.frozen.clone(),

@@ -2,7 +2,7 @@
 
 use super::next_experiment::NextExperiment;
 use crate::experiment::LeftOutLog;
-use crate::identification::{Doubt, NoiseFloor, VerbInput};
+use crate::identification::{Doubt, FittedGlitch, NoiseFloor, VerbInput};
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{MissingEffect, RankedCandidate, Verdict};
 use btr_identify::fit::{Degree, Estimate, NOISE, RemainingError};
@@ -192,6 +192,9 @@ pub struct DiagnoseReport {
     pub time_step_s: f64,
     /// Findings of `check` that make the result doubtful.
     pub doubts: Vec<Doubt>,
+    /// Glitches that only a fitted model showed and that were left out.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub glitches: Vec<FittedGlitch>,
     /// Joints without measurements: the result does not cover them.
     pub not_judged: Vec<String>,
     /// Logs that could not be used.

@@ -2,7 +2,7 @@
 
 use super::base_parameters::BaseReport;
 use crate::experiment::LeftOutLog;
-use crate::identification::{Doubt, NoiseFloor, VerbInput};
+use crate::identification::{Doubt, FittedGlitch, NoiseFloor, VerbInput};
 use crate::model_text::{FittedValue, adapted, in_finer_steps};
 use btr_core::space::Dim;
 use btr_core::world::WorldError;
@@ -46,6 +46,9 @@ pub struct FitReport {
     pub noise_floor: Vec<NoiseFloor>,
     /// Findings of `check` that make the result doubtful.
     pub doubts: Vec<Doubt>,
+    /// Glitches that only the fitted model showed and that were left out.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub glitches: Vec<FittedGlitch>,
     /// Logs that could not be used.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<LeftOutLog>,
@@ -80,6 +83,7 @@ pub fn fit(
     let began = Instant::now();
     let mut objective = Objective::new(residual_model);
     let fitted = btr_identify::fit::fitted(&mut objective, on_step)?;
+    let glitches = input.in_files(&fitted.glitches);
     let report = FitReport {
         ok: true,
         cost: fitted.fit.cost,
@@ -94,7 +98,8 @@ pub fn fit(
         withheld: fitted.withheld,
         base_parameters: None,
         noise_floor: input.floors(),
-        doubts: input.doubts.clone(),
+        doubts: input.doubts_with(&glitches),
+        glitches,
         not_judged: input.not_judged.clone(),
         left_out: input.left_out.clone(),
         frozen: input.frozen.clone(),

@@ -6,6 +6,7 @@
 //! predictions of the neighbours about as much (by a third of the departure), so it is none. Where the clock's steps
 //! are irregular, a reading may have been taken earlier or later than its stamp says, by as much as the steps differ.
 
+mod long_stuck;
 mod prediction;
 mod rows;
 mod series;
@@ -13,12 +14,9 @@ mod series;
 pub use rows::repeated_rows;
 pub use series::GlitchKind;
 
-use prediction::{deviation, longest, median_step_s, resolution};
+use prediction::{APART, deviation, longest, median_step_s, quantisation, resolution};
 use series::{Departure, Series};
 use std::ops::Range;
-
-/// Readings further apart than this many usual steps do not predict each other.
-const APART: f64 = 3.5;
 
 /// A run of readings that no motion explains.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,9 +33,25 @@ pub struct Glitch {
     pub expected: f64,
 }
 
+/// Most samples of a glitch other than of a sensor that is stuck for long; `None` for a clock without steps.
+pub fn usually_longest(clock_s: &[f64]) -> Option<usize> {
+    median_step_s(clock_s).map(longest)
+}
+
 /// The glitches of a position's readings, in rad or m; NaN are missing samples.
 pub fn glitches(clock_s: &[f64], readings: &[f64]) -> Vec<Glitch> {
-    departing(clock_s, readings, readings)
+    let whole = |(samples, expected): (Range<usize>, f64)| {
+        let (worst, value) = (samples.end - 1, readings[samples.start]);
+        Glitch { samples, worst, kind: GlitchKind::Stuck, value, expected }
+    };
+    let long: Vec<Glitch> = long_stuck::runs(clock_s, readings).into_iter().map(whole).collect();
+    // Of such a run, the last samples depart from what follows.
+    let is_part = |glitch: &Glitch| long.iter().any(|run| run.samples.contains(&glitch.samples.start));
+    let mut all = departing(clock_s, readings, None);
+    all.retain(|glitch| !is_part(glitch));
+    all.extend(long);
+    all.sort_by_key(|glitch| glitch.samples.start);
+    all
 }
 
 /// The same beside a simulation of the readings, without which a fast motion hides small glitches. The error of a model
@@ -48,18 +62,28 @@ pub fn glitches_beside(clock_s: &[f64], readings: &[f64], simulated: &[f64]) -> 
         let model = simulated[glitch.worst];
         Glitch { value: glitch.value + model, expected: glitch.expected + model, ..glitch }
     };
-    departing(clock_s, &errors, readings).into_iter().map(absolute).collect()
+    departing(clock_s, readings, Some(&errors)).into_iter().map(absolute).collect()
 }
 
-/// The runs of `values`, of the sensor with these readings, that depart from their neighbours' predictions.
-fn departing(clock_s: &[f64], values: &[f64], readings: &[f64]) -> Vec<Glitch> {
+/// The runs of readings, or of their errors beside a simulation, that depart from their neighbours' predictions.
+fn departing(clock_s: &[f64], readings: &[f64], errors: Option<&[f64]>) -> Vec<Glitch> {
+    let values = errors.unwrap_or(readings);
     let present: Vec<usize> = (0..values.len()).filter(|&i| values[i].is_finite()).collect();
-    let sigma = resolution(readings).and_then(|resolution| deviation(clock_s, values, resolution));
+    let finest = if errors.is_some() { quantisation(readings) } else { resolution(readings) };
+    let sigma = finest.and_then(|finest| deviation(clock_s, values, finest));
     let (Some(sigma), Some(step_s)) = (sigma, median_step_s(clock_s)) else { return Vec::new() };
     let together = |a: &usize, b: &usize| clock_s[*b] - clock_s[*a] <= APART * step_s;
     let found = present.chunk_by(together).flat_map(|samples| {
         let of = |values: &[f64]| samples.iter().map(|&i| values[i]).collect();
-        let series = Series { t: of(clock_s), x: of(values), sigma, step_s, longest: longest(step_s) };
+        let series = Series {
+            t: of(clock_s),
+            x: of(values),
+            readings: of(readings),
+            is_beside: errors.is_some(),
+            sigma,
+            step_s,
+            longest: longest(step_s),
+        };
         let in_log = |run: Departure| Glitch {
             samples: samples[run.samples.start]..samples[run.samples.end - 1] + 1,
             worst: samples[run.worst],
@@ -122,13 +146,15 @@ mod tests {
             let mut values = readings(600, 3e-4, 0.0, seed);
             let (samples, before) = (at..at + long, values[at - 1]);
             let moved = (values[at + long - 1] - before).abs();
+            // A sensor that is stuck from the onset of a motion on looks like a joint that rests.
+            let begins = (before - values[at - 2]).abs() < 0.5 * moved / long as f64;
             let (kind, size) = match kind {
                 0 => (Zero, values[samples.clone()].iter().fold(f64::MAX, |least, x| least.min(x.abs()))),
                 1 => (WrapAround, std::f64::consts::TAU),
                 2 => (Stuck, moved),
                 _ => (Spike, 0.3),
             };
-            prop_assume!(size > 0.25 || kind == Stuck && moved > 0.06);
+            prop_assume!(size > 0.25 || kind == Stuck && moved > 0.06 && !begins);
             for i in samples.clone() {
                 values[i] = match kind {
                     Zero => 0.0,
@@ -145,13 +171,55 @@ mod tests {
         }
     }
 
+    /// Two samples that a stuck sensor or a zero has spoilt, in a fast motion at 25 Hz beside a model of it.
+    #[test]
+    fn beside_a_simulation_zeros_and_repeated_readings_show_in_the_readings() {
+        use GlitchKind::{Stuck, Zero};
+        let t: Vec<f64> = (0..300).map(|i| f64::from(i) / 25.0).collect();
+        let model: Vec<f64> = t.iter().map(|t| 0.05 + 0.1 * (4.0 * t).sin()).collect();
+        let mut rng = stream(5, &[1]);
+        let mut gaussian = || (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
+        let readings: Vec<f64> = model.iter().map(|x| x + 8e-4 * gaussian()).collect();
+        assert_eq!(glitches_beside(&t, &readings, &model), []);
+        let spoilt = |samples: Range<usize>, to: f64| {
+            let mut spoilt = readings.clone();
+            spoilt[samples].fill(to);
+            let found = glitches_beside(&t, &spoilt, &model);
+            found.into_iter().map(|glitch| (glitch.samples, glitch.kind)).collect::<Vec<_>>()
+        };
+        assert_eq!(spoilt(29..31, 0.0), [(29..31, Zero)]);
+        assert_eq!(spoilt(43..45, readings[42]), [(43..45, Stuck)]);
+        // Seven deviations are enough for a repeated reading.
+        assert_eq!(spoilt(66..67, readings[65]), [(66..67, Stuck)]);
+        // A joint that rests while its model moves on is none, not even at zero.
+        let (mut resting, moving) = (vec![0.0; 300], |i: usize| 0.02 * (-((i as f64 - 150.0) / 1.5).powi(2)).exp());
+        resting.iter_mut().enumerate().for_each(|(i, x)| *x = if i % 40 < 20 { 0.0 } else { 0.0015 });
+        let model: Vec<f64> = (0..300).map(moving).collect();
+        assert_eq!(glitches_beside(&t, &resting, &model), []);
+    }
+
+    /// A step command at 100 Hz: the first reading after it is far from a cubic, and from a model that is late.
+    #[test]
+    fn the_onset_of_a_motion_is_no_glitch() {
+        let t = clock(300);
+        let step = |k: usize| if k < 120 { 0.0 } else { 0.3 * (1.0 - (-((k - 119) as f64) / 3.0).exp()) };
+        let quantised = |x: f64| 0.6 + (x / 1.5e-3).round() * 1.5e-3;
+        let readings: Vec<f64> = (0..300).map(|k| quantised(step(k))).collect();
+        let late: Vec<f64> = (0..300).map(|k: usize| 0.6 + step(k.saturating_sub(1))).collect();
+        assert_eq!(glitches(&t, &readings), []);
+        assert_eq!(glitches_beside(&t, &readings, &late), []);
+        // The same with a joint that rests at zero.
+        let at_zero: Vec<f64> = readings.iter().map(|x| x - 0.6).collect();
+        assert_eq!(glitches(&t, &at_zero), []);
+    }
+
     #[test]
     fn readings_with_irregular_stamps_may_be_late() {
         let late = |i: usize| if i % 30 == 7 { 0.005 } else { 0.0 };
         let stamps: Vec<f64> = clock(300).iter().enumerate().map(|(i, t)| t + late(i)).collect();
-        let values: Vec<f64> = (0..300).map(|i| (8.0 * (stamps[i] + 0.8 * late(i))).sin()).collect();
+        let values: Vec<f64> = (0..300).map(|i| (8.0 * (stamps[i] + 1.1 * late(i))).sin()).collect();
         assert_eq!(glitches(&stamps, &values), []);
-        let unstamped: Vec<f64> = (0..300).map(|i| (8.0 * (clock(300)[i] + 1.8 * late(i))).sin()).collect();
+        let unstamped: Vec<f64> = (0..300).map(|i| (8.0 * (clock(300)[i] + 2.1 * late(i))).sin()).collect();
         assert!(glitches(&clock(300), &unstamped).len() > 5, "with regular stamps the same is a glitch");
     }
 
@@ -162,6 +230,11 @@ mod tests {
         let found = glitches(&clock(300), &values);
         let samples: Vec<Range<usize>> = found.into_iter().map(|glitch| glitch.samples).collect();
         assert_eq!(samples, [0..1, 299..300]);
+        // A joint that comes to rest, or begins to move.
+        let clock = clock(300);
+        let moving = |from: usize, to: usize, i: usize| 0.6 + 0.05 * (i.clamp(from, to) - from) as f64;
+        assert_eq!(glitches(&clock, &(0..300).map(|i| moving(0, 295, i)).collect::<Vec<_>>()), []);
+        assert_eq!(glitches(&clock, &(0..300).map(|i| moving(297, 300, i)).collect::<Vec<_>>()), []);
     }
 
     #[test]

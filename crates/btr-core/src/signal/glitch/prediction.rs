@@ -1,11 +1,13 @@
 //! How well readings are predicted by their neighbours.
 
-use crate::signal::noise::NoiseEstimate;
+use crate::signal::noise::{NoiseEstimate, quantum};
 use crate::signal::stats::{quantile, robust_std};
 
 /// Deviation of the difference between a reading with white noise and its prediction by the two readings on each side,
 /// whose weights are 2/3 and -1/6, in standard deviations of the noise.
 const PREDICTION: f64 = 1.394;
+/// Readings further apart than this many usual steps do not predict each other.
+pub(super) const APART: f64 = 3.5;
 /// Least standard deviation, as a share of the range of nine in ten readings.
 const FINEST: f64 = 1e-5;
 /// Share of the steps between two readings that are as small as the encoder's, ...
@@ -35,6 +37,14 @@ pub(super) fn resolution(readings: &[f64]) -> Option<f64> {
     let assumed = std::f64::consts::TAU / 4096.0;
     let step = if steps.len() > FEW { quantile(steps, SMALL)? } else { assumed };
     Some(least.max(step / 12.0_f64.sqrt()))
+}
+
+/// The same for errors beside a simulation: there the motion's own steps do not count, and only a step that all
+/// readings are multiples of is the encoder's.
+pub(super) fn quantisation(readings: &[f64]) -> Option<f64> {
+    let present = || readings.iter().copied().filter(|x| x.is_finite());
+    let least = FINEST * (quantile(present().collect(), 0.95)? - quantile(present().collect(), 0.05)?);
+    Some(least.max(quantum(present().collect()).unwrap_or(0.0) / 12.0_f64.sqrt()))
 }
 
 /// The polynomial through points of increasing time, at another time (J.-L. Lagrange).

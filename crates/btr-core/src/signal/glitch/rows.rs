@@ -7,6 +7,10 @@ use std::ops::Range;
 const DEPARTS: f64 = 5.0;
 /// Least number of channels that depart: one joint alone may stick while the others rest.
 const FEWEST: usize = 2;
+/// Least step before the row of one of them, in deviations of its noise, ...
+const MOVED: f64 = 3.0;
+/// ... and in the steps that the row lacks: where none has moved, a motion begins.
+const MOVED_SHARE: f64 = 0.2;
 
 /// Runs of samples in which every channel repeats, bit by bit, its reading before the run, although several of them
 /// should have moved.
@@ -26,7 +30,13 @@ pub fn repeated_rows(clock_s: &[f64], channels: &[&[f64]]) -> Vec<Range<usize>> 
             let moved = share * (values[after] - values[before]).abs();
             sigma.is_some_and(|sigma| moved > DEPARTS * sigma)
         };
-        channels.iter().zip(&sigmas).filter(departs).count() >= FEWEST
+        let moves = |(values, sigma): (&&[f64], &Option<f64>)| {
+            let step = before.checked_sub(1).map_or(0.0, |earlier| values[before] - values[earlier]);
+            let lacks = (values[after] - values[before]) / (run.len() + 1) as f64;
+            sigma.is_some_and(|sigma| step.abs() > MOVED * sigma) && step / lacks > MOVED_SHARE
+        };
+        let departing = || channels.iter().zip(&sigmas).filter(departs);
+        departing().count() >= FEWEST && departing().any(moves)
     };
     let (mut found, mut i) = (Vec::new(), 1);
     while i < clock_s.len() {
@@ -57,6 +67,13 @@ mod tests {
         }
         assert_eq!(repeated_rows(&clock, &[&fast, &slow]), vec![Range { start: 100, end: 103 }]);
         assert!(repeated_rows(&clock, &[&fast, &[0.5; 400]]).is_empty(), "a single joint may stick");
+        let starting = |speed: f64| -> Vec<f64> {
+            let at = |i: usize| if i < 103 { 0.4 } else { 0.4 + (speed * (i - 102) as f64).round() * step };
+            (0..400).map(at).collect()
+        };
+        let mut flickers = starting(9.0);
+        (0..100).step_by(2).for_each(|i| flickers[i] += step);
+        assert!(repeated_rows(&clock, &[&flickers, &starting(7.0)]).is_empty(), "both joints begin to move");
         // Where nothing moves, nothing is lost.
         assert!(repeated_rows(&clock, &[&joint(0.05), &joint(0.04)]).is_empty());
     }

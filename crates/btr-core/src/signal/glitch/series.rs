@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// Least departure of a glitch, in standard deviations of the noise, ...
-const SIGMAS: f64 = 10.0;
+pub(super) const SIGMAS: f64 = 10.0;
 /// ... and beyond that, in largest errors of the neighbours' predictions of each other, less what noise makes of them.
 const ERRORS: f64 = 5.0;
 /// The largest of four errors by noise alone, in its standard deviations.
@@ -15,11 +15,15 @@ const NOISY: f64 = 2.0;
 const AT_ENDS: (f64, f64) = (4.0, 2.0);
 /// A glitch of several samples begins and ends with a jump, which is longer than this many usual steps around it, or
 /// repeats the reading before.
-const JUMP: f64 = 4.0;
+pub(super) const JUMP: f64 = 4.0;
 /// Steps to each side that are the usual ones around a step.
-const AROUND: usize = 10;
+pub(super) const AROUND: usize = 10;
+/// Least departure beside a simulation of readings that are exactly zero, or repeated until the joint has caught up.
+const PATTERN_SIGMAS: f64 = 7.0;
 /// Least step after a sensor was stuck, in steps that it lacks.
 const CAUGHT_UP: f64 = 0.7;
+/// Least step before a sensor was stuck, in the usual ones of what it missed: less is the onset of a motion.
+const MOVED: f64 = 0.2;
 /// Relative tolerance of a full turn.
 const TURN: f64 = 0.02;
 /// Readings to each side of a run by which it is judged.
@@ -43,11 +47,15 @@ pub enum GlitchKind {
 pub(super) struct Series {
     pub(super) t: Vec<f64>,
     pub(super) x: Vec<f64>,
+    /// What the sensor read: zeros and repeated readings show there, also beside a simulation.
+    pub(super) readings: Vec<f64>,
     pub(super) sigma: f64,
     /// The clock's usual step.
     pub(super) step_s: f64,
     /// Most samples of a glitch.
     pub(super) longest: usize,
+    /// Whether `x` is the difference between the readings and a simulation of them.
+    pub(super) is_beside: bool,
 }
 
 /// A run of samples that departs from what its neighbours predict.
@@ -96,8 +104,8 @@ impl Series {
     /// Runs that may be a glitch and begin at sample `i`, the shortest first.
     fn candidates(&self, i: usize, jumps: &[bool]) -> Vec<Range<usize>> {
         let end = (i + self.longest + 1).min(self.x.len());
-        let equal = |to: f64| self.x[i..end].iter().take_while(|x| is_same(**x, to)).count();
-        let repeated = i.checked_sub(1).map(|last| equal(self.x[last]));
+        let equal = |to: f64| self.readings[i..end].iter().take_while(|x| is_same(**x, to)).count();
+        let repeated = i.checked_sub(1).map(|last| equal(self.readings[last]));
         let repeats = repeated.into_iter().chain([equal(0.0)]).filter(|count| *count > 1).map(|count| i..i + count);
         let returns = (i + 2..end).filter(|&k| jumps[i] && jumps[k]).map(|k| i..k);
         std::iter::once(i..i + 1).chain(repeats).chain(returns).chain(self.last(i, jumps)).collect()
@@ -117,8 +125,10 @@ impl Series {
             return self.at_an_end(run, &before);
         }
         let inner = [before[1], before[2], after[0], after[1]];
+        let is_pattern = self.is_beside && (self.is_zero(&run) || self.catches_up(&run));
+        let sigmas = if is_pattern { PATTERN_SIGMAS } else { SIGMAS };
         // Most runs end here.
-        if self.least(&run, &inner) <= SIGMAS * self.sigma {
+        if self.least(&run, &inner) <= sigmas * self.sigma || self.may_be_motion(&run, before[2], after[0]) {
             return None;
         }
         let all: Vec<usize> = before.iter().chain(&after).copied().collect();
@@ -133,7 +143,7 @@ impl Series {
         let sure = run.len() == 1 || self.is_zero(&run) || self.catches_up(&run);
         let noisy = if sure { NOISY } else { -SIGMAS / ERRORS };
         let rough = (error - noisy * self.sigma).max(0.0);
-        let most = SIGMAS * self.sigma + ERRORS * rough + self.mistimed(&before, &after);
+        let most = sigmas * self.sigma + ERRORS * rough + self.mistimed(&before, &after);
         (self.least(&run, &inner) > most).then(|| self.depart(run, &inner))
     }
 
@@ -161,32 +171,78 @@ impl Series {
         let nodes = &side[..SIDE];
         let error = (self.x[side[0]] - self.predicted(side[0], &side[1..])).abs();
         let most = AT_ENDS.0 * SIGMAS * self.sigma + AT_ENDS.1 * ERRORS * error;
-        (self.least(&run, nodes) > most).then(|| self.depart(run, nodes))
+        let far =
+            (self.apart(run.start, nodes).min(self.apart(run.end - 1, nodes)) > most).then(|| self.depart(run, nodes));
+        far.filter(|run| self.is_no_motion(run))
+    }
+
+    /// Whether a run at an end cannot be a joint that begins to move or has come to rest.
+    fn is_no_motion(&self, run: &Departure) -> bool {
+        match self.kind(run) {
+            GlitchKind::WrapAround | GlitchKind::Zero => true,
+            GlitchKind::Spike => run.samples.len() == 1,
+            GlitchKind::Stuck => false,
+        }
     }
 
     /// The departure of a run's first or last sample from the prediction by these nodes, whichever is smaller. A sensor
     /// that gets stuck is right at first.
     fn least(&self, run: &Range<usize>, nodes: &[usize]) -> f64 {
         let (first, last) = (self.apart(run.start, nodes), self.apart(run.end - 1, nodes));
-        if self.repeats(run) { last } else { first.min(last) }
+        if self.is_stuck(run) { last } else { first.min(last) }
+    }
+
+    /// Whether a run repeats the reading before it while the joint moves. Beside a simulation, a joint that rests is no
+    /// glitch if the model moves.
+    fn is_stuck(&self, run: &Range<usize>) -> bool {
+        if self.is_beside { self.catches_up(run) } else { self.repeats(run) }
     }
 
     /// Whether a run holds nothing but the reading before it.
     fn repeats(&self, run: &Range<usize>) -> bool {
-        run.start > 0 && self.x[run.clone()].iter().all(|x| is_same(*x, self.x[run.start - 1]))
+        run.start > 0 && self.readings[run.clone()].iter().all(|x| is_same(*x, self.readings[run.start - 1]))
     }
 
+    /// Whether a run, and nothing next to it, reads exactly zero.
     fn is_zero(&self, run: &Range<usize>) -> bool {
-        self.x[run.clone()].iter().all(|x| is_same(*x, 0.0))
+        let is_zero = |i: usize| self.readings.get(i).is_some_and(|x| is_same(*x, 0.0));
+        run.clone().all(is_zero) && !is_zero(run.end) && !run.start.checked_sub(1).is_some_and(is_zero)
+    }
+
+    /// Whether a run may be the onset of a motion, or a fast one: all its readings are between those around it. Zeros
+    /// are not, nor are readings of a sensor that gets stuck in a motion.
+    fn may_be_motion(&self, run: &Range<usize>, before: usize, after: usize) -> bool {
+        let (a, b) = (self.readings[before], self.readings[after]);
+        let is_between = self.readings[run.clone()].iter().all(|x| (a.min(b)..=a.max(b)).contains(x));
+        is_between && !self.is_zero(run) && !self.gets_stuck(run)
+    }
+
+    /// Whether a run repeats the reading before it, and the joint moves.
+    fn gets_stuck(&self, run: &Range<usize>) -> bool {
+        if self.is_beside {
+            return self.catches_up(run);
+        }
+        let step = |end: usize| Some((self.readings.get(end)? - self.readings[end.checked_sub(1)?]).abs());
+        let moved = |before: f64, missed: f64| before > MOVED * missed / (run.len() + 1) as f64;
+        self.repeats(run)
+            && step(run.start - 1).zip(step(run.end)).is_some_and(|(before, missed)| moved(before, missed))
     }
 
     /// Whether a run repeats the reading before it, and the step after it makes up for all steps that it lacks. A joint
-    /// that friction has held goes on from where it is.
+    /// that friction has held goes on from where it is. Beside a simulation, its motion tells what the run lacks.
     fn catches_up(&self, run: &Range<usize>) -> bool {
+        if run.start < 2 || run.end + 1 >= self.readings.len() || !self.repeats(run) {
+            return false;
+        }
         let (before, last, after) = (run.start - 1, run.end - 1, run.end);
-        let step = |i: usize| self.x[i + 1] - self.x[i];
+        let step = |i: usize| self.readings[i + 1] - self.readings[i];
+        if self.is_beside {
+            let left = self.x[after] - self.x[before];
+            let departs = (self.x[last] - self.x[before]).abs() > PATTERN_SIGMAS * self.sigma;
+            return departs && left.abs() < (1.0 - CAUGHT_UP) * (step(last) - left).abs();
+        }
         let usual = 0.5 * (step(before - 1) + step(after));
-        self.repeats(run) && step(last) / usual > CAUGHT_UP * (run.len() + 1) as f64
+        step(last) / usual > CAUGHT_UP * (run.len() + 1) as f64
     }
 
     fn apart(&self, i: usize, nodes: &[usize]) -> f64 {

@@ -2,12 +2,14 @@
 
 mod floors;
 mod freeze;
+mod glitches;
 
 pub use floors::{ErrorUnit, NoiseFloor};
+pub use glitches::FittedGlitch;
 
 use super::problem::IdentificationProblem;
 use super::problem_error::ProblemError;
-use crate::experiment::{CheckedLog, LeftOutLog, LogSource, Recordings, Replays, Source, replays};
+use crate::experiment::{CheckedLog, LeftOutLog, LogPlace, LogSource, Recordings, Replays, Source, replays};
 use crate::model_text::{Addition, add_scaled};
 use btr_core::log::Log;
 use btr_identify::quality::{FEWEST_SAMPLES, Finding};
@@ -33,6 +35,8 @@ pub struct VerbInput {
     pub left_out: Vec<LeftOutLog>,
     /// The logs as they were read.
     pub recordings: Recordings,
+    /// Where the log of each of the problem's scenarios is in its file.
+    places: Vec<LogPlace>,
 }
 
 /// A finding about a log that makes results doubtful.
@@ -81,9 +85,10 @@ impl VerbInput {
             return Err(ProblemError::Short(longest));
         }
         let problem = IdentificationProblem::new(Arc::new(replays.model), replays.logs, &[])?;
+        let problem = if replays.keeps_glitches { problem } else { problem.searching_glitches() };
         let (added, frozen) = (Vec::new(), Vec::new());
-        let Replays { left_out, recordings, .. } = replays;
-        Ok(VerbInput { source, problem, doubts, not_judged, added, frozen, left_out, recordings })
+        let Replays { left_out, recordings, places, .. } = replays;
+        Ok(VerbInput { source, problem, doubts, not_judged, added, frozen, left_out, recordings, places })
     }
 
     /// The same with effects added to the model, their bounds scaled to the robot's motion in the logs; `replays` is

@@ -102,6 +102,13 @@ class Glitch(Record):
     """Whether its samples were left out."""
 
 
+class FittedGlitch(Glitch):
+    """Readings of a log that no motion explains, as a fitted model shows."""
+
+    log: str
+    """Path of the log."""
+
+
 class CheckedLog(Record):
     """Quality of a log."""
 

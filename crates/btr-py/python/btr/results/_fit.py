@@ -50,7 +50,9 @@ class FitResult(Reported):
     noise_floor: list[doc.NoiseFloor]
     """The noise floor of each channel."""
     doubts: list[doc.Doubt]
-    """Findings about the logs that make the result doubtful, as `check` reports them."""
+    """Findings about the logs that make the result doubtful, as `check` reports them, and about `glitches`."""
+    glitches: list[doc.FittedGlitch]
+    """Readings that only a fitted model shows to be no motion; they were left out."""
     not_judged: list[str]
     """Joints without any measurement: the result does not cover them."""
     left_out: list[doc.LeftOutLog]

@@ -1,0 +1,33 @@
+//! A second look for glitches: beside a fitted model those show that the error of the model as it stands has hidden.
+//!
+//! The criteria are the same as beside the model as it stands: single short departures, far above what the errors of
+//! their neighbours allow. An effect that is missing bends the error over many samples, and is not explained away. What
+//! is found counts only where the model explains nearly all of the rest.
+
+use super::measure::held_out_squares;
+use super::objective::{LogSet, Objective};
+use super::residual_vector::chi;
+use super::solve::FitPoint;
+use crate::residual_model::{Derivation, ResidualModel};
+
+/// The step of the ladder that follows.
+pub(crate) const LEFT_OUT: &str = "glitches left out";
+/// Largest error beside what is left out, in largest errors that count as noise: at fast onsets on a slow clock, the
+/// error of a wrong model is as short as a glitch.
+const NEARLY: f64 = 2.0;
+
+/// The model without the glitches that show beside it at a fit; `None` where there are none, or where the rest is not
+/// explained.
+pub(crate) fn without_glitches(objective: &Objective, fit: &FitPoint) -> Option<Box<dyn ResidualModel>> {
+    if objective.is_stopped() {
+        return None;
+    }
+    let cleaner = objective.model.derive(&Derivation::WithoutGlitchesAt(fit.u.clone()))?;
+    let again = objective.going_on(cleaner.as_ref(), &fit.u);
+    let fit = FitPoint::at(&again, fit.active.clone(), fit.u.clone(), &[]).ok()?;
+    let judged = held_out_squares(&again, &fit.u)?;
+    let learnt = chi(fit.squares(), again.samples(LogSet::Learn));
+    let error = learnt.max(chi(judged, again.samples(LogSet::HeldOut).max(1)));
+    objective.count(&again);
+    (error <= NEARLY * objective.noise_bound()).then_some(cleaner)
+}
