@@ -143,8 +143,8 @@ fn a_coupled_joint_is_told_as_a_law_over_its_neighbour() {
     assert!(law["explains"].as_f64().unwrap() > 0.8, "{law}");
 }
 
-/// Motors of which one turns with both joints, as in many wrists: its friction and rotor act on both, beside friction of
-/// each joint, which is told as what it is and not as a law of four constants.
+/// Motors of which one turns with both joints, as in many wrists: its friction and rotor act on both, beside friction
+/// of each joint, which is told as what it is and not as a law of four constants.
 #[test]
 fn a_motor_that_turns_with_two_joints_is_named_at_both() {
     let lab = Lab::new();
@@ -221,7 +221,7 @@ fn a_coupling_equals_its_law() {
     );
 }
 
-/// A log of what `truth.toml` requires, with noise. Simulated torques are smoothed: friction's steps are rounded a little.
+/// A log of what `truth.toml` requires, with noise. Simulated torques are smoothed: friction's steps are rounded.
 fn record(lab: &Lab, name: &str, phase: f64) {
     let mut motion = "t,q_hip,q_knee\n".to_owned();
     let at = |i: u32| {

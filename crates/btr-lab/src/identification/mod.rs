@@ -1,7 +1,6 @@
 //! A model with recorded logs as a [`ResidualModel`](btr_identify::residual_model::ResidualModel): its free parameters,
 //! and every effect of the library at every site where it can act.
 
-mod additive;
 mod assemble;
 mod bare;
 mod candidates;

@@ -24,8 +24,8 @@ pub(super) const PARAMS: &[Param] = &[
 /// The motor turns with the joint and this many times as fast with the neighbour.
 pub(super) const STARTS: &[&[f64]] = &[&[1.0], &[-1.0]];
 
-/// Whether the joint that carries a link can have such a motor. Where a motion is simulated, the two joints would have to
-/// be solved for together: it is for prescribed motions.
+/// Whether the joint that carries a link can have such a motor. Where a motion is simulated, the two joints would have
+/// to be solved for together: it is for prescribed motions.
 pub(super) fn acts_on(robot: &Robot, link: usize, side: Side) -> bool {
     let prescribed = robot.links.get(link).is_some_and(|link| link.joint.actuator == Actuator::Prescribed);
     prescribed && robot.has_neighbour(link, side)

@@ -1,10 +1,12 @@
 //! Residuals of the identification problem: measured minus simulated, at any point and from any start state.
 
-use super::contact::noise_floor;
-use super::problem::IdentificationProblem;
-use super::simulated::ModelPoint;
-use super::start::moved::OPEN;
-use super::start::windows;
+mod additive;
+
+use crate::identification::contact::noise_floor;
+use crate::identification::problem::IdentificationProblem;
+use crate::identification::simulated::ModelPoint;
+use crate::identification::start::moved::OPEN;
+use crate::identification::start::windows;
 use btr_core::log::{Log, interpolate};
 use btr_core::signal::repeats::{largest_ratio, ratio_deviation};
 use btr_core::world::{Simulator, WorldError};
@@ -218,7 +220,7 @@ impl IdentificationProblem {
     }
 
     /// Joints whose start is measured with noise, as indices in the scenario's start, with the noise.
-    pub(super) fn nudged(&self, log: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+    pub(in crate::identification) fn nudged(&self, log: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let joints = 0..self.model.scenarios[self.parts[log].scenario].start.len();
         joints.zip(self.model.robot.movable()).filter_map(move |(i, (_, link))| {
             let name = format!("q_{}", link.joint.name);
@@ -227,7 +229,7 @@ impl IdentificationProblem {
     }
 
     /// Measured minus simulated in a log, in multiples of the noise floor.
-    pub(super) fn against(&self, log: usize, simulated: &Log) -> Result<Vec<f64>, WorldError> {
+    pub(in crate::identification) fn against(&self, log: usize, simulated: &Log) -> Result<Vec<f64>, WorldError> {
         let part = &self.parts[log];
         let recorded = &self.recorded[part.scenario];
         let mut residual = Vec::with_capacity(self.logs[log].channels.len() * recorded.len());

@@ -1,6 +1,6 @@
 //! Parameters that only add a torque to that of a prescribed motion.
 
-use super::problem::{Change, IdentificationProblem};
+use crate::identification::problem::{Change, IdentificationProblem};
 use btr_identify::residual_model::{AdditiveParameter, Parametrisation};
 use btr_physics::effects::{Effect, FormulaTarget, SiteKind, TorqueLaw};
 use btr_physics::model::parameter::Target;
