@@ -225,7 +225,8 @@ def main() -> None:
                 f"{seed} {answer['verdict']:>17} coulomb {said['coulomb']} viscous {said['viscous']} "
                 f"rotors {said['rotors']} load {'ok' if said['load_right'] else said['loads']} "
                 f"coupling {'ok' if said['law_right'] else said['law']} others {said['others']} "
-                f"error {last_step['train']:.3f} held out {last_step['held_out']:.3f} rollouts {answer['rollouts']} {seconds:.1f} s "
+                f"error {last_step['train']:.3f} held out {last_step['held_out']:.3f} "
+                f"rollouts {answer['rollouts']} {seconds:.1f} s "
                 f"cpu {cpu:.1f} s {megabytes:.0f} MB",
                 flush=True,
             )

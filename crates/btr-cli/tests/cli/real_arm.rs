@@ -25,7 +25,7 @@ control_s = 0.005
 steps_per_control = 1
 "#;
 
-/// Each joint has friction and a rotor, and two wrist motors are coupled, which no effect describes. Nothing is held:
+/// Each joint has friction and a rotor, and two wrist motors are coupled. Nothing is held:
 /// no payload may stand in for that, no inertia beyond reason, and no cogging whose order is no number of poles. What
 /// is wrong with the coupled wrist must not hide the friction of the other joints.
 #[test]
@@ -43,13 +43,14 @@ fn what_an_unloaded_arm_lacks_is_no_payload() {
     let (learnt, held_out) = rows.split_at((LEARNT * rows.len() as f64) as usize);
     lab.write("learnt.csv", &log(learnt));
     lab.write("held_out.csv", &log(held_out));
-    let answer = lab.json("diagnose tx40.toml learnt.csv --held-out held_out.csv --max-effects 5 -q");
+    let answer = lab.json("diagnose tx40.toml learnt.csv --held-out held_out.csv --max-effects 10 -q");
     assert_eq!(answer["verdict"], "unexplained", "{answer}");
     let ladder = answer["error_ladder"].as_array().unwrap();
     let held_out = |step: usize| ladder[step]["held_out"].as_f64().unwrap();
     assert!(held_out(ladder.len() - 1) < 0.5 * held_out(0), "{answer}");
     for effect in answer["effects"].as_array().unwrap() {
-        assert!(effect["effect"].as_str().unwrap().contains("friction"), "{answer}");
+        let of_a_drive = ["friction", "armature", "coupling"];
+        assert!(of_a_drive.iter().any(|of| effect["effect"].as_str().unwrap().contains(of)), "{answer}");
         assert_ne!(effect["established"], true, "{answer}");
         assert!(effect["probability"].as_f64().unwrap() <= 0.95, "{answer}");
         assert!(effect["parameters"].as_array().unwrap().iter().all(|p| p["ci95"].is_null()), "{answer}");

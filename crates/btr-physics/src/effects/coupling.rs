@@ -16,12 +16,12 @@ pub(super) const CITE: &str = "Guedelha, Traversaro and Pucci, Identification of
 /// Parameters of the motor's law.
 pub(super) const PARAMS: &[Param] = &[
     Param::new("coulomb", "N·m", (0.0, 5.0), 0.1),
-    Param::new("viscous", "N·m·s/rad", (0.0, 5.0), 0.05),
-    Param::new("inertia", "kg·m^2", (0.0, 1.0), 0.01),
+    Param::new("viscous", "N·m·s/rad", (-5.0, 5.0), 0.05),
+    Param::new("inertia", "kg·m^2", (-1.0, 1.0), 0.01),
     Param::shape("ratio", "1", (-3.0, 3.0), 1.0),
 ];
 
-/// The motor turns with the joint and this many times as fast with the neighbour.
+/// Signs of the ratio: by how many turns of the joint the motor turns for one of the neighbour.
 pub(super) const STARTS: &[&[f64]] = &[&[1.0], &[-1.0]];
 
 /// Whether the joint that carries a link can have such a motor. Where a motion is simulated, the two joints would have
@@ -36,7 +36,7 @@ pub(super) fn acts_on(robot: &Robot, link: usize, side: Side) -> bool {
 pub(super) fn act(p: &[f64], dof: &mut Dof, state: &JointInput, neighbour: [NeighbourQuantity; 2]) {
     let &[coulomb, viscous, inertia, ratio] = p else { return };
     let Some(inputs) = state.neighbours else { return };
-    let [velocity, acceleration] = neighbour.map(|quantity| ratio * inputs[quantity as usize]);
-    let dry = coulomb * ((state.dq + velocity) / SMOOTH).tanh();
+    let [velocity, acceleration] = neighbour.map(|quantity| inputs[quantity as usize]);
+    let dry = coulomb * ((state.dq + ratio * velocity) / SMOOTH).tanh();
     dof.torque.constant -= dry + viscous * velocity + inertia * acceleration;
 }

@@ -10,7 +10,7 @@ pub(in crate::effects) struct ChildCoupling;
 
 static SPEC: EffectSpec = EffectSpec {
     name: "child_coupling",
-    law: "-coulomb·sign(dq + ratio·dq_child) - ratio·(viscous·dq_child + inertia·ddq_child)",
+    law: "-coulomb·sign(dq + ratio·dq_child) - viscous·dq_child - inertia·ddq_child",
     site: SiteKind::Joint,
     cite: coupling::CITE,
     symptom: "a torque residual that follows the sum of the joint's velocity and that of the joint after it",

@@ -10,7 +10,7 @@ pub(in crate::effects) struct ParentCoupling;
 
 static SPEC: EffectSpec = EffectSpec {
     name: "parent_coupling",
-    law: "-coulomb·sign(dq + ratio·dq_parent) - ratio·(viscous·dq_parent + inertia·ddq_parent)",
+    law: "-coulomb·sign(dq + ratio·dq_parent) - viscous·dq_parent - inertia·ddq_parent",
     site: SiteKind::Joint,
     cite: coupling::CITE,
     symptom: "a torque residual that follows the sum of the joint's velocity and that of the joint before it",
