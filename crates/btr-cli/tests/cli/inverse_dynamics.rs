@@ -195,7 +195,9 @@ fn a_coupling_equals_its_law() {
     let apart = one.iter().zip(&other).map(|(a, b)| (a - b).abs()).filter(|d| d.is_finite()).fold(0.0, f64::max);
     assert!(apart < 1e-6 && one.iter().any(|torque| torque.abs() > 0.5), "{apart}");
     lab.write("servo.toml", &MODEL.replace("\"prescribed\"", "\"position\"\nkp = 10.0\nkd = 0.1"));
-    let refused = lab.run("fit servo.toml log.csv --add parent_coupling@knee -q");
+    let rows: String = (0..200).map(|i| format!("{},0.1,0.1,0.1,0.1\n", 0.01 * f64::from(i))).collect();
+    lab.write("servo.csv", &format!("t,q_hip,q_knee,cmd_hip,cmd_knee\n{rows}"));
+    let refused = lab.run("fit servo.toml servo.csv --add parent_coupling@knee -q");
     assert!(
         !refused.status.success() && String::from_utf8_lossy(&refused.stderr).contains("prescribed"),
         "{refused:?}"
