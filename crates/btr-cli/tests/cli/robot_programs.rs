@@ -4,10 +4,10 @@ use crate::lab::{Lab, text};
 use std::collections::BTreeMap;
 use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 const TWIN: &str = "kind = \"twin\"\nparameters = { \"mass@bob\" = 1.3, \"viscous_friction.coefficient@hinge\" = 0.3 }";
-const ON_STOP: &str = "on_stop = [\"python3\", \"robot.py\", \"stop\"]";
+const ON_STOP: &str = "on_stop = [\"python3\", \"robot.py\", \"stop\"]\non_stop_timeout_s = 60.0";
 
 /// An experiment of four real tests by the pretended robot.
 fn lab(options: &[&str], settings: &str) -> Lab {
@@ -62,6 +62,19 @@ fn driving(lab: &Lab, arguments: &str) -> Child {
     child
 }
 
+/// Kills a run while the robot moves, which goes on until it is released.
+fn killed(lab: &Lab) {
+    lab.write("hold-0000", "");
+    let run = driving(lab, "coevolve small.toml --out run");
+    signal("KILL", i64::from(run.id()));
+    run.wait_with_output().unwrap();
+}
+
+/// Lets the robot end its test.
+fn release(lab: &Lab, test: &str) {
+    std::fs::remove_file(lab.path(&format!("hold-{test}"))).unwrap();
+}
+
 /// Sends a signal; a negative number is a group's.
 fn signal(name: &str, to: i64) {
     assert!(Command::new("kill").args(["-s", name, "--", &to.to_string()]).status().unwrap().success());
@@ -89,7 +102,9 @@ fn resumes_to_the_end(lab: &Lab) {
 fn an_interruption_ends_the_program_and_is_no_outcome() {
     // Once and twice Ctrl-C in a terminal; SIGTERM to btr alone.
     for (name, times, group) in [("INT", 1, true), ("INT", 2, true), ("TERM", 1, false)] {
-        let lab = lab(&["stubborn", "drive=0.5"], &format!("timeout_s = 20.0\nretries = 2\n{ON_STOP}"));
+        // With half a log, which is none.
+        let lab = lab(&["stubborn", "early"], &format!("timeout_s = 60.0\nretries = 2\n{ON_STOP}"));
+        lab.write("hold-0000", "");
         let run = driving(&lab, "coevolve small.toml --out run");
         let to = i64::from(run.id()) * if group { -1 } else { 1 };
         for _ in 0..times {
@@ -99,7 +114,9 @@ fn an_interruption_ends_the_program_and_is_no_outcome() {
         let output = ended(&lab, run);
         assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
         assert_eq!((tests_driven(&lab).len(), beats(&lab, "stops").len()), (1, 1), "{name}: no retry, made safe once");
+        assert!(lab.exists("run/transfers/0000/try-1.csv") && !lab.exists("run/transfers/0000/log.csv"));
         assert!(!lab.exists("run/transfers/0000/failed.txt"));
+        release(&lab, "0000");
         resumes_to_the_end(&lab);
         assert_eq!(tests_driven(&lab), ["0000", "0000", "0001", "0002", "0003"]);
     }
@@ -107,8 +124,8 @@ fn an_interruption_ends_the_program_and_is_no_outcome() {
 
 #[test]
 fn after_the_time_out_nothing_of_the_program_is_left_when_the_next_try_begins() {
-    let settings = format!("timeout_s = 0.3\nretries = 1\n{ON_STOP}");
-    let lab = lab(&["stubborn", "hang"], &format!("{settings}\nstop_signal = \"sigterm\""));
+    // Long enough for Python to start on a busy computer.
+    let lab = lab(&["stubborn", "hang"], &format!("timeout_s = 5.0\nretries = 1\n{ON_STOP}"));
     let output = ended(&lab, driving(&lab, "coevolve small.toml --out run --set coevolve.transfer.count=1"));
     assert_eq!(output.status.code(), Some(1), "no real data");
     let (tests, stops) = (tests_driven(&lab), beats(&lab, "stops"));
@@ -116,12 +133,12 @@ fn after_the_time_out_nothing_of_the_program_is_left_when_the_next_try_begins() 
     // Made safe between the tries, and after the last one.
     let (drives, stopped) = (drives(&lab), stops.iter().map(|stop| stop.0).collect::<Vec<_>>());
     assert!(drives[0].1 < stopped[0] && stopped[0] < drives[1].0 && drives[1].1 < stopped[1], "{drives:?} {stops:?}");
-    assert!(lab.read("run/transfers/0000/failed.txt").contains("took longer than 0.3 s"));
+    assert!(lab.read("run/transfers/0000/failed.txt").contains("took longer than 5 s"));
 }
 
 #[test]
 fn what_a_program_leaves_behind_is_ended_and_told() {
-    let lab = lab(&["leave", "drive=0.1"], "timeout_s = 20.0");
+    let lab = lab(&["leave", "drive=0.1"], "timeout_s = 60.0");
     let output = ended(&lab, driving(&lab, "coevolve small.toml --out run --set coevolve.iterations=1"));
     assert_eq!(output.status.code(), Some(0));
     assert!(text(&output.stderr).contains("the test's program has ended, but not processes "), "{output:?}");
@@ -130,20 +147,20 @@ fn what_a_program_leaves_behind_is_ended_and_told() {
 
 #[test]
 fn a_program_of_a_killed_run_is_waited_for_and_its_log_adopted() {
-    let lab = lab(&["drive=0.6"], "timeout_s = 20.0");
-    let run = driving(&lab, "coevolve small.toml --out run");
-    signal("KILL", i64::from(run.id()));
-    run.wait_with_output().unwrap();
+    let lab = lab(&[], "timeout_s = 60.0");
+    killed(&lab);
+    release(&lab, "0000");
     resumes_to_the_end(&lab);
     assert_eq!(tests_driven(&lab), ["0000", "0001", "0002", "0003"]);
 }
 
 #[test]
 fn a_program_of_a_killed_run_that_does_not_end_is_named_and_no_second_one_started() {
-    let lab = lab(&["hang"], &format!("timeout_s = 1.0\n{ON_STOP}"));
-    let run = driving(&lab, "coevolve small.toml --out run");
-    signal("KILL", i64::from(run.id()));
-    run.wait_with_output().unwrap();
+    let lab = lab(&[], &format!("timeout_s = 60.0\n{ON_STOP}"));
+    killed(&lab);
+    // As if it had begun long ago.
+    let record = std::fs::File::options().write(true).open(lab.path("run/transfers/0000/running.toml")).unwrap();
+    record.set_modified(SystemTime::now() - Duration::from_secs(60)).unwrap();
     let group = drives_in_groups(&lab)[0];
     let told = lab.complaint("coevolve small.toml --out run --resume");
     assert!(told.contains("error: the program of real test 0, which a killed run started, still runs: "), "{told}");
@@ -154,7 +171,7 @@ fn a_program_of_a_killed_run_that_does_not_end_is_named_and_no_second_one_starte
     assert_eq!(tests_driven(&lab), ["0000"]);
 
     signal("KILL", -i64::from(group));
-    lab.write("robot.py", &include_str!("robot.py").replace("\"hang\" in options", "False"));
+    release(&lab, "0000");
     resumes_to_the_end(&lab);
     assert_eq!(beats(&lab, "stops").len(), 1, "made safe before the test was repeated");
     assert_eq!(tests_driven(&lab), ["0000", "0000", "0001", "0002", "0003"]);
@@ -162,10 +179,8 @@ fn a_program_of_a_killed_run_that_does_not_end_is_named_and_no_second_one_starte
 
 #[test]
 fn ctrl_c_also_ends_the_program_of_a_killed_run() {
-    let lab = lab(&["hang"], "timeout_s = 20.0");
-    let run = driving(&lab, "coevolve small.toml --out run");
-    signal("KILL", i64::from(run.id()));
-    run.wait_with_output().unwrap();
+    let lab = lab(&[], "timeout_s = 60.0");
+    killed(&lab);
     let mut command = lab.command("coevolve small.toml --out run --resume");
     let mut resumed = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     wait_until_said(&mut resumed, "still runs: processes ");
@@ -189,12 +204,14 @@ fn drives_in_groups(lab: &Lab) -> Vec<u32> {
 
 #[test]
 fn one_run_at_a_time_works_in_a_folder() {
-    let lab = lab(&["drive=0.5"], "timeout_s = 20.0");
+    let lab = lab(&[], "timeout_s = 60.0");
+    lab.write("hold-0000", "");
     let first = driving(&lab, "coevolve small.toml --out run");
     for resume in ["", " --resume"] {
         let told = lab.complaint(&format!("coevolve small.toml --out run{resume}"));
         assert!(told.starts_with(&format!("error: run is in use by another run, process {}\n", first.id())), "{told}");
     }
+    release(&lab, "0000");
     assert_eq!(ended(&lab, first).status.code(), Some(0));
     assert_eq!(tests_driven(&lab), ["0000", "0001", "0002", "0003"]);
 }
@@ -202,7 +219,7 @@ fn one_run_at_a_time_works_in_a_folder() {
 #[test]
 fn a_robot_that_could_not_be_made_safe_ends_the_run() {
     let on_stop = ON_STOP.replace("\"stop\"", "\"stop\", \"fail\"");
-    let lab = lab(&["fail"], &format!("timeout_s = 20.0\nretries = 5\n{on_stop}"));
+    let lab = lab(&["fail"], &format!("timeout_s = 60.0\nretries = 5\n{on_stop}"));
     let told = lab.complaint("coevolve small.toml --out run");
     assert!(told.contains("THE ROBOT MAY NOT BE SAFE: on_stop, `python3`, ended with exit status: 1"), "{told}");
     assert!(told.contains("help: see that the robot stands still, then run again with --resume"), "{told}");
@@ -212,10 +229,12 @@ fn a_robot_that_could_not_be_made_safe_ends_the_run() {
 
 #[test]
 fn a_run_whose_folder_is_gone_is_kept_beside_it() {
-    let lab = lab(&["drive=0.1"], "timeout_s = 20.0");
+    let lab = lab(&["drive=0.1"], "timeout_s = 60.0");
+    lab.write("hold-0001", "");
     let run = driving(&lab, "coevolve small.toml --out run");
-    wait_until("a second test", || beats(&lab, "done").len() == 1 && lab.exists("run/transfers/0001/running.toml"));
+    wait_until("a second test", || drives(&lab).len() == 2);
     std::fs::remove_dir_all(lab.path("run")).unwrap();
+    release(&lab, "0001");
     let output = ended(&lab, run);
     let told = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{told}");
@@ -228,7 +247,7 @@ fn a_run_whose_folder_is_gone_is_kept_beside_it() {
 
 #[test]
 fn output_is_bounded_and_litter_swept() {
-    let lab = lab(&["noisy", "drive=0.3", "children=0"], "timeout_s = 20.0");
+    let lab = lab(&["noisy", "drive=0.3", "children=0"], "timeout_s = 60.0");
     lab.ok("coevolve small.toml --out run -q --set coevolve.iterations=1");
     for k in 0..2 {
         let size = std::fs::metadata(lab.path(&format!("run/transfers/000{k}/try-1.out"))).unwrap().len();

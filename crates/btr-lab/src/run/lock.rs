@@ -46,6 +46,13 @@ impl FolderLock {
     }
 }
 
+impl Drop for FolderLock {
+    fn drop(&mut self) {
+        // Finished runs of the same file and seed have the same bytes.
+        let _ = self.file.set_len(0);
+    }
+}
+
 #[cfg(unix)]
 fn is_same(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
