@@ -6,7 +6,8 @@
 
 The robot is `crates/btr-cli/tests/cli/robot.py`: it and its two children, which ignore SIGTERM, write down when they
 drive it. A trial is a run of four real tests that is interrupted one to three times and resumed until it is done.
-`--plain` leaves out the keys that btr had not always, to measure an older one. Linux and Python's standard library only.
+`--plain` leaves out the keys that btr had not always, to measure an older one. Needs Linux and Python's standard
+library only.
 """
 
 import argparse

@@ -5,7 +5,8 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// The name of the locked file. It stays in the folder; the lock ends with the process that holds it, however that ends.
+/// The name of the locked file. It stays in the folder; the lock ends with the process that holds it, however that
+/// ends.
 const NAME: &str = ".lock";
 
 /// A folder that no other process works in.

@@ -1,5 +1,5 @@
-//! The nearest to process groups that Windows has without unsafe code: a console group, which Ctrl-C does not reach, and
-//! the tree of processes, which can only be ended at once. Processes whose parent has ended are not found.
+//! The nearest to process groups that Windows has without unsafe code: a console group, which Ctrl-C does not reach,
+//! and the tree of processes, which can only be ended at once. Processes whose parent has ended are not found.
 
 use super::signal::StopSignal;
 use std::fs::File;
