@@ -11,7 +11,7 @@ use btr_lab::failure::Failure;
 use std::ffi::OsString;
 
 /// Runs an invocation, whose first argument is the program's name. Returns the exit code: 0 done, 1 done but the goal
-/// was missed, 2 not possible, 130 interrupted.
+/// was missed or the run's folder lost, 2 not possible, 130 interrupted.
 pub fn run(arguments: Vec<OsString>) -> u8 {
     end_quietly_on_a_closed_pipe();
     let args = match Args::of(arguments) {

@@ -199,6 +199,11 @@ pub enum Outcome {
         /// What is awaited and where, and what to do then.
         what: Text,
     },
+    /// Nobody knows whether the robot stands still; the run ends here, and asks for the test again when it is resumed.
+    Unsafe {
+        /// What may still move the robot, and what to do.
+        why: Text,
+    },
 }
 
 /// Why trials cannot be announced.

@@ -6,6 +6,11 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
+/// The ending of temporary files.
+const SUFFIX: &str = ".tmp";
+/// Random characters in the name of a temporary file.
+const RANDOM: usize = 6;
+
 /// Writes a file through a temporary one in the same folder, which is synced to disk and then renamed. Readers of
 /// `path` see the old content or the new one; a crash, a full disk or an error of `write` leaves the old one.
 ///
@@ -31,6 +36,29 @@ pub fn can_write(path: &Path) -> io::Result<()> {
     create_beside(&target(path)?)?.close()
 }
 
+/// Removes what killed processes left of [`write_whole`] in a folder: its temporary files. Nobody may be writing there.
+///
+/// # Errors
+/// A folder that cannot be read, a file that cannot be removed.
+pub fn sweep_temporary(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if is_temporary(&entry.file_name().to_string_lossy()) && entry.file_type()?.is_file() {
+            fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether [`create_beside`] names its files so: `.log.csv.Ab3dEf.tmp`.
+fn is_temporary(name: &str) -> bool {
+    let inner = name.strip_prefix('.').and_then(|name| name.strip_suffix(SUFFIX));
+    let parts = inner.and_then(|inner| inner.rsplit_once('.'));
+    parts.is_some_and(|(name, random)| {
+        !name.is_empty() && random.len() == RANDOM && random.chars().all(|c| c.is_ascii_alphanumeric())
+    })
+}
+
 /// The file to replace. Links are followed, so that a link stays a link.
 fn target(path: &Path) -> io::Result<PathBuf> {
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
@@ -46,7 +74,8 @@ fn create_beside(target: &Path) -> io::Result<NamedTempFile> {
     let name = target.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
     let prefix = [OsStr::new("."), name, OsStr::new(".")].join(OsStr::new(""));
     let create = |path: &Path| OpenOptions::new().write(true).create_new(true).open(path);
-    tempfile::Builder::new().prefix(&prefix).suffix(".tmp").make_in(folder(target), create)
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix).suffix(SUFFIX).rand_bytes(RANDOM).make_in(folder(target), create)
 }
 
 /// The folder of a file; `.` for a bare name.
@@ -82,6 +111,17 @@ mod tests {
         assert_eq!(error.unwrap_err().to_string(), "disk full");
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn only_temporary_files_are_swept() {
+        let folder = tempfile::tempdir().unwrap();
+        let kept = [".hidden.tmp", "log.csv.Ab3dEf.tmp", ".log.csv.Ab3d.tmp", ".log.csv.Ab3dEf.bak", "log.csv"];
+        kept.iter().for_each(|name| fs::write(folder.path().join(name), b"").unwrap());
+        let (_, killed) = create_beside(&folder.path().join("log.csv")).unwrap().keep().unwrap();
+        assert!(killed.is_file());
+        sweep_temporary(folder.path()).unwrap();
+        assert!(!killed.exists() && kept.iter().all(|name| folder.path().join(name).exists()));
     }
 
     #[test]

@@ -44,7 +44,7 @@ mod series;
 #[cfg(test)]
 mod tests;
 
-pub use crate::atomic::{can_write, write_whole};
+pub use crate::atomic::{can_write, sweep_temporary, write_whole};
 pub use error::{IoError, Warning};
 pub use mapping::{ForeignName, Mapping, Topics};
 #[cfg(feature = "mcap")]

@@ -13,6 +13,9 @@ const AT_ONCE_S: f64 = 0.2;
 /// What to do about a law that gave no finite number.
 pub const FINITE_LAW: &str = "a law must give a finite number at every point that a search can try";
 
+/// Code of a run whose folder is gone: it was carried out in part.
+pub const FOLDER_GONE: &str = "folder_gone";
+
 /// Why a verb failed.
 #[derive(Debug)]
 pub struct Failure {

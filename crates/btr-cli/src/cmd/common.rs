@@ -5,6 +5,7 @@ use crate::exit::INTERRUPTED;
 use btr_identify::LadderStep;
 use btr_identify::fit::RemainingError;
 use btr_io::{IoError, write_whole};
+use btr_lab::execution::ExecutionContext;
 use btr_lab::experiment;
 use btr_lab::experiment::{LeftOutLog, Replays, Source};
 use btr_lab::failure::Failure;
@@ -56,15 +57,23 @@ pub(crate) fn tell_left_out(left_out: &[LeftOutLog], global: &Global) {
     }
 }
 
-/// Handles Ctrl-C: the first one sets the flag and says what is done now, the second one stops at once.
-pub(crate) fn watch_for_interrupts(now: &'static str) -> Result<Arc<AtomicBool>, Failure> {
+/// Handles Ctrl-C and SIGTERM: the first one sets the flag, interrupts the work and says what is done now, the second
+/// one stops as soon as no program moves the robot.
+pub(crate) fn watch_for_interrupts(
+    now: &'static str,
+    context: Arc<ExecutionContext>,
+) -> Result<Arc<AtomicBool>, Failure> {
     let interrupted = Arc::new(AtomicBool::new(false));
     let flag = interrupted.clone();
     ctrlc::set_handler(move || {
+        context.interrupt();
         if flag.swap(true, Ordering::Relaxed) {
+            // Held until the end, so that no program begins to.
+            let _robot = context.robot();
             std::process::exit(i32::from(INTERRUPTED));
         }
-        eprintln!("\n{now}; press again to stop at once");
+        // The terminal may be gone.
+        let _ = writeln!(std::io::stderr(), "\n{now}; press again to stop at once");
     })
     .map_err(|e| Failure::new("signal", e.to_string(), None))?;
     Ok(interrupted)

@@ -240,6 +240,8 @@ fn realities() {
         "kind = \"command\"\nrun = [\"./robot\"]",
         "kind = \"command\"\nrun = [\"./robot\"]\ntimeout_s = inf",
         "kind = \"command\"\nrun = [\"./robot\"]\ntimeout_s = 9.0\nlog = \"bag\"",
+        "kind = \"command\"\nrun = [\"./robot\"]\ntimeout_s = 9.0\nstop_s = 0.0",
+        "kind = \"command\"\nrun = [\"./robot\"]\ntimeout_s = 9.0\nstop_signal = \"sigkill\"",
         "kind = \"logs\"",
         "kind = \"logs\"\nfiles = [\"a.csv\"]\nheld_out = [\"a.csv\"]",
         "kind = \"logs\"\nindex = \"index.csv\"",

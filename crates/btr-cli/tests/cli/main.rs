@@ -21,6 +21,8 @@ mod realities;
 mod repeats;
 mod reports;
 mod reproducibility;
+#[cfg(unix)]
+mod robot_programs;
 mod runs;
 mod scenarios;
 mod verbs;

@@ -84,6 +84,15 @@ pub(super) struct PredictedFitness {
     pub ci95: Option<[f64; 2]>,
 }
 
+/// Why a trial has no outcome yet.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum NoOutcome {
+    /// It waits for this.
+    Pending(Text),
+    /// Something may still move the robot.
+    Unsafe(Text),
+}
+
 /// Error when the ledger of a checkpoint names a real test whose log is gone.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{}", self.text())]
@@ -123,19 +132,19 @@ impl Ledger {
         self.entries.iter().any(|e| e.trial.controller == controller)
     }
 
-    /// Carries out a trial and records it. A trial that is still pending stays out of the ledger; what it waits for is
-    /// returned.
+    /// Carries out a trial and records it. A trial without an outcome stays out of the ledger.
     pub(super) fn carry_out(
         &mut self,
         trial: Trial,
         predicted: PredictedFitness,
         reality: &mut dyn Reality,
-    ) -> Result<(), Text> {
+    ) -> Result<(), NoOutcome> {
         let PredictedFitness { value: promised, ci95: promised_ci95 } = predicted;
         let (verdict, behaviour) = match reality.test(&trial) {
             Outcome::Done(behaviour) => (TestVerdict::Done { fitness: behaviour.fitness }, Some(behaviour)),
             Outcome::Failed { why } => (TestVerdict::Failed { why }, None),
-            Outcome::Pending { what } => return Err(what),
+            Outcome::Pending { what } => return Err(NoOutcome::Pending(what)),
+            Outcome::Unsafe { why } => return Err(NoOutcome::Unsafe(why)),
         };
         self.entries.push(Entry { trial, promised, promised_ci95, verdict, behaviour });
         Ok(())
@@ -153,7 +162,9 @@ impl Ledger {
             entry.behaviour = match reality.recall(&entry.trial) {
                 Outcome::Done(behaviour) => Some(behaviour),
                 Outcome::Failed { why } => return Err(RecallError { number: entry.trial.number, why: why.into() }),
-                Outcome::Pending { what } => return Err(RecallError { number: entry.trial.number, why: what }),
+                Outcome::Pending { what: why } | Outcome::Unsafe { why } => {
+                    return Err(RecallError { number: entry.trial.number, why });
+                }
             };
         }
         Ok(())

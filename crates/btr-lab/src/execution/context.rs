@@ -9,7 +9,7 @@ use btr_core::world::Cancelled;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Where work is done and whether it was cancelled.
 #[derive(Default)]
@@ -17,6 +17,8 @@ pub struct ExecutionContext {
     threads: Option<usize>,
     executor: Option<Box<dyn Executor>>,
     cancelled: AtomicBool,
+    interrupted: AtomicBool,
+    robot: Mutex<()>,
     cause: Mutex<Option<Cause>>,
 }
 
@@ -60,6 +62,22 @@ impl ExecutionContext {
     /// Whether the work was cancelled.
     pub fn is_cancelled(&self) -> bool {
         self.cancelled.load(Ordering::Relaxed)
+    }
+
+    /// Asks the work to end in an orderly way: simulations finish their step, a real test is ended.
+    pub fn interrupt(&self) {
+        self.interrupted.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the work was asked to end or cancelled.
+    pub fn is_interrupted(&self) -> bool {
+        self.interrupted.load(Ordering::Relaxed) || self.is_cancelled()
+    }
+
+    /// Waits until no program moves the robot; while the guard is held, none begins to. To be held by who moves the
+    /// robot, and by who ends the process.
+    pub fn robot(&self) -> MutexGuard<'_, ()> {
+        self.robot.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Passes on a cancellation.

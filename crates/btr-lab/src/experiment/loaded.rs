@@ -71,7 +71,7 @@ impl Experiment {
         builder.check_plan(&plan, &section, &model, &recorded)?;
         let reality = match &robot {
             Some(robot) => Box::new(FunctionReality::new(robot.clone(), model.clone(), builder.store(&model, folder))),
-            None => builder.reality(&section, &model, &recorded, seed, folder)?,
+            None => builder.reality(&section, &model, &recorded, seed, folder, &context)?,
         };
         let stated = model.setup.noise.by_channel();
         let (name, mut plan, mut distances) = (file.name.clone(), plan, file.distances.clone());

@@ -2,115 +2,106 @@
 //!
 //! Every attempt writes to a separate file, which is renamed to the trial's log only if the program succeeded and the
 //! log can be read. A killed run never mistakes an incomplete log for a complete one, and no attempt is overwritten.
+//!
+//! A program is watched until nothing of it is left, and `on_stop` makes the robot safe where it did not end well. What
+//! ends because the run was interrupted has no outcome. `running.toml` leads a resumed run to what a killed one left.
 
+use super::attempt::{Attempt, Try, interrupted};
+use super::program::{POLL, Record, tell};
 use super::revealed::Revealing;
+use super::settings::CommandSettings;
 use super::store::{Store, StoreError, or_pending};
+use crate::execution::ExecutionContext;
 use btr_core::world::{Outcome, Reality, Trial};
 use btr_physics::model::Model;
-use std::fs::File;
 use std::ops::ControlFlow;
-use std::path::Path;
-use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-
-/// Polling period of a running program.
-const POLL: Duration = Duration::from_millis(20);
-
-/// The program that runs one test.
-#[derive(Clone, Debug)]
-pub struct CommandSettings {
-    /// The program and its arguments; `{trial}`, `{references}` and `{log}` stand for files of the test.
-    pub run: Vec<String>,
-    /// Extension of the log that it writes.
-    pub log: String,
-    /// Time after which an attempt is aborted, in s.
-    pub timeout_s: f64,
-    /// How often a failed attempt is repeated.
-    pub retries: u32,
-}
 
 /// Runs a program for every test.
 pub struct CommandReality {
     settings: CommandSettings,
     model: Arc<Model>,
     store: Store,
+    context: Arc<ExecutionContext>,
 }
 
 impl CommandReality {
-    /// Keeps tests in `store`; `model` computes the references of a controller.
-    pub fn new(settings: CommandSettings, model: Arc<Model>, store: Store) -> Self {
-        CommandReality { settings, model, store }
+    /// Keeps tests in `store`; `model` computes the references of a controller, and `context` tells of interruptions.
+    pub fn new(settings: CommandSettings, model: Arc<Model>, store: Store, context: Arc<ExecutionContext>) -> Self {
+        CommandReality { settings, model, store, context }
     }
 
     fn perform(&self, trial: &Trial) -> Result<Outcome, StoreError> {
-        let folder = match self.store.known_or_asked(trial, &self.model)? {
-            ControlFlow::Break(known) => return Ok(known),
-            ControlFlow::Continue((folder, _)) => folder,
-        };
+        let _robot = self.context.robot();
+        let asked = self.store.known_or_asked(trial, &self.model)?;
+        let folder = self.store.folder_of(trial);
+        let (settings, store, context) = (&self.settings, &self.store, self.context.as_ref());
+        let test_s = self.model.scenarios[trial.scenario].duration_s;
+        let of = |name| Try { settings, store, context, folder: &folder, name, test_s };
+        if let Some(record) = Record::read(&folder)?
+            && let Some(outcome) =
+                self.left_by_a_killed_run(trial, &record, &of(record.name.clone()), asked.is_break())?
+        {
+            return Ok(outcome);
+        }
+        if let ControlFlow::Break(known) = asked {
+            return Ok(known);
+        }
         let mut why = String::new();
-        for _ in 0..=self.settings.retries {
-            let name = free_name(&folder);
-            let log = folder.join(format!("{name}.{}", self.settings.log));
-            why = match self.try_once(&folder, &name, &log) {
-                Ok(()) => match self.store.judge(&log) {
-                    Ok(outcome @ Outcome::Done(_)) => return finish(&folder, &log, outcome),
-                    Ok(Outcome::Failed { why }) => why,
-                    Ok(Outcome::Pending { what }) => what.to_string(),
-                    Err(error) => error.to_string(),
-                },
-                Err(why) => why,
-            };
+        for _ in 0..=settings.retries {
+            if context.is_interrupted() {
+                return Ok(interrupted());
+            }
+            match of(Try::free_name(&folder)).run()? {
+                Attempt::Decided(outcome) => return Ok(outcome),
+                Attempt::Failed(reason) => why = reason,
+            }
         }
         self.store.fail(trial, &why)
     }
 
-    /// Runs the program once; its output goes to `<name>.out` and `<name>.err` in the log's folder.
-    fn try_once(&self, folder: &Path, name: &str, log: &Path) -> Result<(), String> {
-        let fill = |argument: &String| {
-            argument
-                .replace("{trial}", &folder.join("trial.toml").to_string_lossy())
-                .replace("{references}", &folder.join("references.csv").to_string_lossy())
-                .replace("{log}", &log.to_string_lossy())
-        };
-        let arguments: Vec<String> = self.settings.run.iter().map(fill).collect();
-        let (program, rest) = arguments.split_first().ok_or("[reality] run is empty")?;
-        let output = |ending: &str| File::create(folder.join(format!("{name}.{ending}"))).map_err(|e| e.to_string());
-        let mut child = Command::new(program)
-            .args(rest)
-            .stdin(Stdio::null())
-            .stdout(output("out")?)
-            .stderr(output("err")?)
-            .spawn()
-            .map_err(|e| format!("`{program}` does not start: {e}"))?;
-        let deadline = Instant::now() + Duration::from_secs_f64(self.settings.timeout_s);
-        loop {
-            match child.try_wait().map_err(|e| e.to_string())? {
-                Some(status) if status.success() => return Ok(()),
-                Some(status) => return Err(format!("`{program}` ended with {status}; see {name}.err")),
-                None if Instant::now() < deadline => std::thread::sleep(POLL),
-                None => {
-                    let _ = child.kill();
-                    let _ = child.wait();
-                    return Err(format!("`{program}` took longer than {} s", self.settings.timeout_s));
-                }
+    /// What a program has come to that a killed run left: it is waited for as long as it may take. None if the test
+    /// `is_known` already, or is to be carried out again.
+    fn left_by_a_killed_run(
+        &self,
+        trial: &Trial,
+        record: &Record,
+        before: &Try,
+        is_known: bool,
+    ) -> Result<Option<Outcome>, StoreError> {
+        let begun = Instant::now();
+        let time = Duration::from_secs_f64(self.settings.timeout_s).saturating_sub(Record::age(before.folder));
+        let of = format!("the program of real test {}, which a killed run started, still runs", trial.number);
+        let mut told = false;
+        while let Some(living) = record.living(&before.outputs()) {
+            let still = format!("{of}: {living}");
+            let is_interrupted = self.context.is_interrupted();
+            if is_interrupted && self.ends(record, before) {
+                break;
             }
+            if is_interrupted || begun.elapsed() >= time {
+                return Ok(Some(Outcome::Unsafe { why: still.into() }));
+            }
+            if !std::mem::replace(&mut told, true) {
+                tell(&format!("{still}: waiting {:.0} s at most", time.as_secs_f64()));
+            }
+            std::thread::sleep(POLL);
         }
+        // How it ended is unknown: its log has to speak for itself.
+        let finished = if is_known { None } else { before.whole_log()? };
+        let is_safe = if is_known { Ok(()) } else { before.make_safe() };
+        Record::remove(before.folder)?;
+        Ok(is_safe.err().map(|why| Outcome::Unsafe { why: why.into() }).or(finished))
     }
-}
 
-/// The first `try-N` that no earlier attempt has used.
-fn free_name(folder: &Path) -> String {
-    let taken = |n: &usize| folder.join(format!("try-{n}.out")).exists();
-    let n = (1..).find(|n| !taken(n)).unwrap_or(usize::MAX);
-    format!("try-{n}")
-}
-
-fn finish(folder: &Path, log: &Path, outcome: Outcome) -> Result<Outcome, StoreError> {
-    let ending = log.extension().unwrap_or_default().to_string_lossy().into_owned();
-    let path = folder.join(format!("log.{ending}"));
-    std::fs::rename(log, &path).map_err(|source| StoreError::Io { path, source })?;
-    Ok(outcome)
+    /// Ends the program of a killed run, where it is certain which one it is; false if something of it lives on.
+    fn ends(&self, record: &Record, before: &Try) -> bool {
+        if let Some(group) = record.group.as_ref().filter(|group| group.began.is_some()) {
+            group.end(&self.settings.stopping(), &|| true, &mut || {});
+        }
+        record.living(&before.outputs()).is_none()
+    }
 }
 
 impl Reality for CommandReality {

@@ -11,7 +11,7 @@ use crate::failure::Failure;
 use crate::model_text;
 use crate::model_text::SpacePoint;
 use btr_core::coevolve::{Coevolution, StepOutcome, StopReason};
-use btr_core::text::Text;
+use btr_core::text::{Mention, Text};
 use btr_core::world::Simulator;
 use btr_identify::LadderStep;
 use std::path::{Path, PathBuf};
@@ -124,6 +124,9 @@ fn turn(
         new.iter().for_each(|doubt| watch.warn(&doubt.sentence()));
         match step {
             StepOutcome::Stopped(reason) => return Ok(LoopExit::Stopped(reason)),
+            StepOutcome::Unsafe(why) => return Err(robot_not_known_to_stand_still(why)),
+            // What ends as the run is interrupted is not waited for.
+            StepOutcome::Waiting(_) if watch.stops() => return Ok(LoopExit::Interrupted),
             StepOutcome::Waiting(what) => return Ok(LoopExit::Waiting(what)),
             StepOutcome::Generation | StepOutcome::Iteration | StepOutcome::Tested => {}
         }
@@ -131,6 +134,11 @@ fn turn(
             return Ok(LoopExit::Interrupted);
         }
     }
+}
+
+fn robot_not_known_to_stand_still(why: Text) -> Failure {
+    let help = Text::from("see that the robot stands still, then ") + Mention::RunAgain;
+    Failure::new("robot", why, Some(help))
 }
 
 /// Diagnoses a run that stopped disengaged. Whether it continues, in a larger S or from a better estimate.

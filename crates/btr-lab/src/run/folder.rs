@@ -1,6 +1,8 @@
 //! A run with its folder: begin, resume, step, checkpoint.
 
 use super::augment::Cause;
+use super::lock::FolderLock;
+use super::rescue::rescue;
 use super::run_error::RunError;
 use crate::distributed::{RemoteSimulator, RunPayloads, TestComparison};
 use crate::experiment::Experiment;
@@ -19,6 +21,9 @@ const MAGIC: &[u8; 8] = b"btr-cp\x00\x06";
 /// A run with its folder.
 pub struct Run {
     folder: PathBuf,
+    lock: FolderLock,
+    /// The stamp of the experiment that the run began with.
+    stamp: String,
     distance: Box<dyn Distance>,
     state: Coevolution,
     larger: Enlargement,
@@ -42,23 +47,26 @@ impl Run {
     /// # Errors
     /// A folder in use, or a plan that does not fit.
     pub fn begin(experiment: &Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
+        let lock = FolderLock::of(folder)?;
         if checkpoint_path(folder).exists() {
             return Err(RunError::Exists(folder.to_owned()));
         }
-        Run::anew(experiment, plan, folder)
+        Run::anew(experiment, plan, folder, lock)
     }
 
-    fn anew(experiment: &Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
+    fn anew(experiment: &Experiment, plan: Plan, folder: &Path, lock: FolderLock) -> Result<Self, RunError> {
         let distance = plan.distance.build();
         let state = Coevolution::new(plan, experiment.seed, experiment.model.as_ref())?;
         let run = Run {
             folder: folder.to_owned(),
+            lock,
+            stamp: experiment.stamp(),
             distance,
             state,
             larger: Enlargement::default(),
             payloads: RunPayloads::default(),
         };
-        run.write("experiment.toml", experiment.stamp().as_bytes())?;
+        run.write("experiment.toml", run.stamp.as_bytes())?;
         run.checkpoint()?;
         Ok(run)
     }
@@ -69,6 +77,15 @@ impl Run {
     /// # Errors
     /// No run in the folder, another experiment, a damaged checkpoint, or a real test whose log is missing.
     pub fn resume(experiment: &mut Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
+        if !checkpoint_path(folder).exists() {
+            return Err(RunError::NoRun(folder.to_owned()));
+        }
+        let lock = FolderLock::of(folder)?;
+        sweep(folder)?;
+        Run::locked(experiment, plan, folder, lock)
+    }
+
+    fn locked(experiment: &mut Experiment, plan: Plan, folder: &Path, lock: FolderLock) -> Result<Self, RunError> {
         let path = checkpoint_path(folder);
         let bytes = std::fs::read(&path).map_err(|_| RunError::NoRun(folder.to_owned()))?;
         let damaged = |why: &str| RunError::Checkpoint { path: path.clone(), why: why.to_owned() };
@@ -79,7 +96,9 @@ impl Run {
         let mut state = Coevolution::resumed(plan, state);
         state.recall(experiment.reality.as_mut()).map_err(|error| RunError::LostTest(error.text()))?;
         let distance = state.plan().distance.build();
-        let mut run = Run { folder: folder.to_owned(), distance, state, larger, payloads: RunPayloads::default() };
+        let stamp = stamp_of(folder);
+        let payloads = RunPayloads::default();
+        let mut run = Run { folder: folder.to_owned(), lock, stamp, distance, state, larger, payloads };
         if let Some(text) = requested {
             run.enlarge(experiment, text)?;
         }
@@ -95,7 +114,7 @@ impl Run {
         if checkpoint_path(folder).exists() && stamp_of(folder) == experiment.stamp() {
             return Run::resume(experiment, plan, folder);
         }
-        Run::anew(experiment, plan, folder)
+        Run::anew(experiment, plan, folder, FolderLock::of(folder)?)
     }
 
     /// Executes the next unit of work and writes a checkpoint.
@@ -103,6 +122,7 @@ impl Run {
     /// # Errors
     /// A failed write, or cancelled work; the checkpoint before the step is intact.
     pub fn step(&mut self, experiment: &mut Experiment) -> Result<StepOutcome, RunError> {
+        self.check_folder()?;
         let model = experiment.model.clone();
         let comparison = TestComparison { distance: &self.state.plan().distance, reality: experiment.reality_source() };
         let (context, payloads) = (&experiment.context, &self.payloads);
@@ -189,18 +209,31 @@ impl Run {
     /// # Errors
     /// A failed write.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<PathBuf, RunError> {
+        self.check_folder()?;
         let path = self.folder.join(name);
-        let written = path.parent().map_or(Ok(()), std::fs::create_dir_all);
-        written
-            .and_then(|()| btr_io::write_whole(&path, |file| file.write_all(bytes)))
+        btr_io::write_whole(&path, |file| file.write_all(bytes))
             .map_err(|source| RunError::Io { path: path.clone(), source })?;
         Ok(path)
     }
 
     fn checkpoint(&self) -> Result<(), RunError> {
+        self.write("checkpoint.bin", &self.checkpoint_bytes()?).map(|_| ())
+    }
+
+    fn checkpoint_bytes(&self) -> Result<Vec<u8>, RunError> {
         let body = postcard::to_allocvec(&(&self.larger, self.state.state()))
             .map_err(|e| RunError::Checkpoint { path: checkpoint_path(&self.folder), why: e.to_string() })?;
-        self.write("checkpoint.bin", &[MAGIC.as_slice(), &body].concat()).map(|_| ())
+        Ok([MAGIC.as_slice(), &body].concat())
+    }
+
+    /// Checks that the folder is still there. If not, no test may begin: what is in memory is written beside it.
+    fn check_folder(&self) -> Result<(), RunError> {
+        if self.lock.is_in_place() {
+            return Ok(());
+        }
+        let checkpoint = self.checkpoint_bytes()?;
+        let files = [("experiment.toml", self.stamp.as_bytes()), ("checkpoint.bin", &checkpoint)];
+        Err(rescue(&self.folder, &files, self.state.ledger().entries()))
     }
 }
 
@@ -234,6 +267,15 @@ fn in_space_of_run(
 /// The stamp of the experiment that the run in this folder began with; empty if there is none.
 fn stamp_of(folder: &Path) -> String {
     std::fs::read_to_string(folder.join("experiment.toml")).unwrap_or_default()
+}
+
+/// Removes the temporary files that killed runs left in the folder and in those of its real tests.
+fn sweep(folder: &Path) -> Result<(), RunError> {
+    let swept =
+        |path: &Path| btr_io::sweep_temporary(path).map_err(|source| RunError::Io { path: path.to_owned(), source });
+    swept(folder)?;
+    let tests = std::fs::read_dir(folder.join("transfers")).into_iter().flatten().flatten();
+    tests.map(|entry| entry.path()).filter(|path| path.is_dir()).try_for_each(|path| swept(&path))
 }
 
 fn checkpoint_path(folder: &Path) -> PathBuf {

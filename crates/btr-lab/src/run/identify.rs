@@ -41,7 +41,7 @@ pub fn with_distance(
     loop {
         match other.step(experiment)? {
             StepOutcome::Stopped(_) => break,
-            StepOutcome::Waiting(what) => return Err(RunError::LostTest(what)),
+            StepOutcome::Waiting(what) | StepOutcome::Unsafe(what) => return Err(RunError::LostTest(what)),
             _ => {}
         }
         if !watch(other.state()) {

@@ -7,7 +7,9 @@ pub mod doubts;
 pub mod execute;
 mod folder;
 pub mod identify;
+mod lock;
 pub mod report;
+mod rescue;
 mod run_error;
 
 pub use folder::Run;

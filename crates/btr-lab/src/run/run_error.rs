@@ -2,7 +2,7 @@
 
 use crate::distributed::DistributedError;
 use crate::experiment::FileError;
-use crate::failure::Failure;
+use crate::failure::{FOLDER_GONE, Failure};
 use crate::model_text::AddError;
 use btr_core::coevolve::PlanError;
 use btr_core::text::{Mention, Text, Verb};
@@ -22,6 +22,32 @@ pub enum RunError {
     /// The folder already holds a run.
     #[error("{} already contains a run", .0.display())]
     Exists(PathBuf),
+    /// Another process works in the folder.
+    #[error("{} is in use by another run{}", folder.display(), of_process(*pid))]
+    InUse {
+        /// The folder.
+        folder: PathBuf,
+        /// The process, if it is known.
+        pid: Option<u32>,
+    },
+    /// The folder is gone; what was in memory is kept in another one.
+    #[error("{} is gone: the run and its real tests are kept in {}", folder.display(), rescued.display())]
+    FolderGone {
+        /// The folder.
+        folder: PathBuf,
+        /// The new folder.
+        rescued: PathBuf,
+    },
+    /// The folder is gone, and what was in memory could not be kept.
+    #[error("{} is gone, and the run could not be kept in {}: {why}", folder.display(), rescued.display())]
+    Lost {
+        /// The folder.
+        folder: PathBuf,
+        /// Where the run was to be kept.
+        rescued: PathBuf,
+        /// Why it could not.
+        why: String,
+    },
     /// The folder contains no run to resume.
     #[error("{} contains no run to resume", .0.display())]
     NoRun(PathBuf),
@@ -58,6 +84,10 @@ pub enum RunError {
     },
 }
 
+fn of_process(pid: Option<u32>) -> String {
+    pid.map_or_else(String::new, |pid| format!(", process {pid}"))
+}
+
 impl RunError {
     /// The error as a text.
     pub fn text(&self) -> Text {
@@ -72,6 +102,11 @@ impl RunError {
     pub fn help(&self) -> Option<Text> {
         Some(match self {
             RunError::Exists(_) => Text::from("go on with ") + Mention::Resume + ", or choose another " + Mention::Out,
+            RunError::InUse { .. } => Text::from("wait for it or end it, or choose another ") + Mention::Out,
+            RunError::FolderGone { rescued, .. } => {
+                let there = format!(" {} as ", rescued.display());
+                Text::from("resume the run there: ") + Mention::Resume + " with" + there + Mention::Out
+            }
             RunError::NoRun(_) => Text::from("start it without ") + Mention::Resume,
             RunError::OtherExperiment(folder) => {
                 let shows = format!(" that {} shows", folder.join("experiment.toml").display());
@@ -92,13 +127,17 @@ impl RunError {
             RunError::File(error) => return error.help.clone(),
             RunError::Augment(error) => return error.help(),
             RunError::Distributed(error) => return error.help(),
-            RunError::Plan(_) | RunError::Cancelled(_) | RunError::Io { .. } => return None,
+            RunError::Lost { .. } | RunError::Plan(_) | RunError::Cancelled(_) | RunError::Io { .. } => return None,
         })
     }
 }
 
 impl From<RunError> for Failure {
     fn from(error: RunError) -> Self {
-        Failure::new("run", error.text(), error.help())
+        let code = match error {
+            RunError::FolderGone { .. } | RunError::Lost { .. } => FOLDER_GONE,
+            _ => "run",
+        };
+        Failure::new(code, error.text(), error.help())
     }
 }

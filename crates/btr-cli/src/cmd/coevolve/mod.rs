@@ -24,6 +24,7 @@ use btr_lab::verbs::ErrorUnit;
 use btr_report::figures;
 use disengagement::next_step;
 use dry_run::dry_run;
+use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -40,8 +41,8 @@ pub(crate) fn run(args: &CoevolveArgs, global: &Global) -> Result<u8, Failure> {
     if args.dry_run {
         return dry_run(&experiment, &folder, global);
     }
-    let mut watcher =
-        Watcher { global, interrupted: watch_for_interrupts("finishing the current step")?, progress: None };
+    let interrupted = watch_for_interrupts("ending a real test, or finishing the step", experiment.context.clone())?;
+    let mut watcher = Watcher { global, interrupted, progress: None };
     if !global.quiet {
         experiment.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     }
@@ -110,11 +111,9 @@ impl RunObserver for Watcher<'_> {
 }
 
 fn say_interrupted(args: &CoevolveArgs, folder: &Path) -> u8 {
-    eprintln!(
-        "interrupted; resume with: btr coevolve {} --out {} --resume",
-        args.experiment.display(),
-        folder.display()
-    );
+    let (experiment, folder) = (args.experiment.display(), folder.display());
+    // The terminal may be gone.
+    let _ = writeln!(std::io::stderr(), "interrupted; resume with: btr coevolve {experiment} --out {folder} --resume");
     INTERRUPTED
 }
 

@@ -36,6 +36,8 @@ pub enum StepOutcome {
     Iteration,
     /// The test described here has to be carried out by hand first.
     Waiting(Text),
+    /// Something may still move the robot, as described here: no test may begin.
+    Unsafe(Text),
     /// The run is over.
     Stopped(StopReason),
 }

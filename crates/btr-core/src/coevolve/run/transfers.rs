@@ -5,7 +5,7 @@ use super::state::Phase;
 use crate::coevolve::correction::LinearCorrection;
 use crate::coevolve::evaluate;
 use crate::coevolve::history::StopReason;
-use crate::coevolve::ledger::{Entry, PredictedFitness};
+use crate::coevolve::ledger::{Entry, NoOutcome, PredictedFitness};
 use crate::coevolve::plan::Method;
 use crate::coevolve::promise;
 use crate::coevolve::transfer::ScoredController;
@@ -30,12 +30,13 @@ impl Coevolution {
         let trials = self.trials(on, &queue, next);
         let Some(trial) = trials.first().cloned() else { return self.transferred(on, &queue, testing) };
         let predicted = self.predicted(on, &queue[next / on.simulator.scenarios()])?;
-        let announced = on.reality.announce(&trials).map_err(|error| error.text());
+        let announced = on.reality.announce(&trials).map_err(|error| NoOutcome::Pending(error.text()));
         let result = announced.and_then(|()| self.state.ledger.carry_out(trial, predicted, on.reality));
         self.state.phase = Phase::Transfer { queue, next: next + usize::from(result.is_ok()), testing };
         match result {
             Ok(()) => Ok(StepOutcome::Tested),
-            Err(what) => Ok(StepOutcome::Waiting(what)),
+            Err(NoOutcome::Pending(what)) => Ok(StepOutcome::Waiting(what)),
+            Err(NoOutcome::Unsafe(why)) => Ok(StepOutcome::Unsafe(why)),
         }
     }
 

@@ -2,7 +2,10 @@
 
 use super::builder::Builder;
 use super::setup::noise;
-use crate::experiment::file::{DriftSection, EffectSection, RealitySection, TwinParameters, TwinSection};
+use crate::execution::ExecutionContext;
+use crate::experiment::file::{
+    CommandSection, DriftSection, EffectSection, RealitySection, TwinParameters, TwinSection,
+};
 use crate::experiment::logs::scenarios::ScenarioSet;
 use crate::experiment::source::FileError;
 use crate::reality::{
@@ -29,27 +32,14 @@ impl Builder<'_> {
         recorded: &[Log],
         seed: u64,
         folder: &Path,
+        context: &Arc<ExecutionContext>,
     ) -> Result<Box<dyn Revealing>, FileError> {
         let (fitness, store) = (model.fitness.clone(), self.store(model, folder));
         Ok(match section {
             RealitySection::Twin(twin) => Box::new(self.twin(twin, model, seed, store)?),
             RealitySection::Logs(_) => Box::new(RecordedReality::new(recorded[..model.learn].to_vec(), fitness)),
             RealitySection::Command(command) => {
-                let timely = command.timeout_s > 0.0 && command.timeout_s <= LONGEST_TEST_S;
-                if command.run.is_empty() || !timely {
-                    let message = "a command needs run = [program, ...] and a timeout_s above 0, a week at most";
-                    return Err(self.error(&["reality"], message, None));
-                }
-                if !["csv", "mcap"].contains(&command.log.as_str()) {
-                    return Err(self.unknown(&["reality", "log"], "kind of log", &command.log, ["csv", "mcap"]));
-                }
-                let settings = CommandSettings {
-                    run: command.run.clone(),
-                    log: command.log.clone(),
-                    timeout_s: command.timeout_s,
-                    retries: command.retries,
-                };
-                Box::new(CommandReality::new(settings, model.clone(), store))
+                Box::new(CommandReality::new(self.command(command)?, model.clone(), store, context.clone()))
             }
             RealitySection::Manual {} if model.drive.senses() => {
                 let why = "a policy cannot be played by hand: its references depend on what the robot senses";
@@ -57,6 +47,32 @@ impl Builder<'_> {
                 return Err(self.error(&["reality", "kind"], why, Some(help.into())));
             }
             RealitySection::Manual {} => Box::new(ManualReality::new(model.clone(), store)),
+        })
+    }
+
+    fn command(&self, command: &CommandSection) -> Result<CommandSettings, FileError> {
+        let timely = |time_s: f64| time_s > 0.0 && time_s <= LONGEST_TEST_S;
+        if command.run.is_empty() || !timely(command.timeout_s) {
+            let message = "a command needs run = [program, ...] and a timeout_s above 0, a week at most";
+            return Err(self.error(&["reality"], message, None));
+        }
+        for (key, time_s) in [("stop_s", command.stop_s), ("on_stop_timeout_s", command.on_stop_timeout_s)] {
+            if !timely(time_s) {
+                return Err(self.error(&["reality", key], format!("{key} must be above 0, a week at most"), None));
+            }
+        }
+        if !["csv", "mcap"].contains(&command.log.as_str()) {
+            return Err(self.unknown(&["reality", "log"], "kind of log", &command.log, ["csv", "mcap"]));
+        }
+        Ok(CommandSettings {
+            run: command.run.clone(),
+            log: command.log.clone(),
+            timeout_s: command.timeout_s,
+            retries: command.retries,
+            stop_signal: command.stop_signal,
+            stop_s: command.stop_s,
+            on_stop: command.on_stop.clone(),
+            on_stop_timeout_s: command.on_stop_timeout_s,
         })
     }
 

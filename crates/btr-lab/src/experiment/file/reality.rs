@@ -3,6 +3,7 @@
 use super::logs::LogsSection;
 use super::parameters::EffectSection;
 use super::simulation::NoiseSection;
+use crate::reality::StopSignal;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -82,6 +83,28 @@ pub struct CommandSection {
     /// How often a failed attempt is repeated.
     #[serde(default)]
     pub retries: u32,
+    /// What asks the program and all processes that it started to end, after the time-out or when the run is
+    /// interrupted: `sigterm` or `sigint`.
+    #[serde(default)]
+    pub stop_signal: StopSignal,
+    /// Time from that signal to SIGKILL, in s.
+    #[serde(default = "five")]
+    pub stop_s: f64,
+    /// A program that makes the robot safe, with its arguments (as in `run`): run after every attempt that gave no
+    /// usable log, once nothing of that is left.
+    #[serde(default)]
+    pub on_stop: Vec<String>,
+    /// Time after which that program is aborted, in s.
+    #[serde(default = "ten")]
+    pub on_stop_timeout_s: f64,
+}
+
+fn five() -> f64 {
+    5.0
+}
+
+fn ten() -> f64 {
+    10.0
 }
 
 fn csv() -> String {
