@@ -26,6 +26,8 @@ pub struct JointInput<'a> {
     pub load: f64,
     /// The command that reaches the motor; NaN when it is switched off.
     pub command: f64,
+    /// Over how long the readings of a prescribed motion are means, in s; 0 otherwise.
+    pub mean_s: f64,
     /// The neighbouring joints; `None` unless an effect of the run uses them. NaN where there is no neighbour.
     pub neighbours: Option<&'a NeighbourInputs>,
 }

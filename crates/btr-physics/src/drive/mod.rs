@@ -46,6 +46,11 @@ pub trait Drive: Send + Sync {
         None
     }
 
+    /// Over how long the readings of prescribed motions are means, in s; 0 where each is of one instant.
+    fn mean_s(&self) -> f64 {
+        0.0
+    }
+
     /// Sets the robot's start state, for drives that define one.
     fn place(&self, robot: &mut Robot) {
         let _ = robot;
@@ -74,6 +79,10 @@ impl<D: Drive + ?Sized> Drive for std::sync::Arc<D> {
 
     fn motion(&self, joint: usize, time_s: f64) -> Option<Motion> {
         (**self).motion(joint, time_s)
+    }
+
+    fn mean_s(&self) -> f64 {
+        (**self).mean_s()
     }
 
     fn place(&self, robot: &mut Robot) {

@@ -26,6 +26,8 @@ pub struct Replay {
     motions: Vec<Option<Vec<Motion>>>,
     /// Smooths the torques that these motions require.
     smoother: Option<Smoother>,
+    /// Over how long each sample is a mean, in s.
+    mean_s: f64,
 }
 
 impl Replay {
@@ -48,7 +50,14 @@ impl Replay {
             commands: robot.movable().map(|(_, link)| commands(&format!("cmd_{}", link.joint.name))).collect(),
             torque_on: values("torque_on"),
             motions,
+            mean_s: 0.0,
         }
+    }
+
+    /// The same for samples that are means over this long, in s.
+    #[must_use]
+    pub fn of_means(self, mean_s: f64) -> Self {
+        Replay { mean_s, ..self }
     }
 }
 
@@ -104,6 +113,10 @@ fn extrapolated(motion: &Motion, time_s: f64) -> Motion {
 }
 
 impl Drive for Replay {
+    fn mean_s(&self) -> f64 {
+        self.mean_s
+    }
+
     fn motion(&self, joint: usize, time_s: f64) -> Option<Motion> {
         let motion = self.motions.get(joint)?.as_ref()?;
         let i = self.held(time_s);

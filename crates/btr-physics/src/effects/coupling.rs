@@ -3,7 +3,7 @@
 
 use super::effect::Param;
 use crate::actuation::{JointInput, NeighbourQuantity};
-use crate::engine::Dof;
+use crate::engine::{Dof, mean_sign};
 use crate::robot::{Actuator, Robot, Side};
 
 /// Speed in rad/s at which dry friction is about three quarters of its own: a step at the reversal of a sum of two
@@ -37,6 +37,8 @@ pub(super) fn act(p: &[f64], dof: &mut Dof, state: &JointInput, neighbour: [Neig
     let &[coulomb, viscous, inertia, ratio] = p else { return };
     let Some(inputs) = state.neighbours else { return };
     let [velocity, acceleration] = neighbour.map(|quantity| inputs[quantity as usize]);
-    let dry = coulomb * ((state.dq + ratio * velocity) / SMOOTH).tanh();
+    let (whole, accelerates) = (state.dq + ratio * velocity, state.acceleration + ratio * acceleration);
+    let sign = if state.mean_s > 0.0 { mean_sign(whole, accelerates, state.mean_s) } else { (whole / SMOOTH).tanh() };
+    let dry = coulomb * sign;
     dof.torque.constant -= dry + viscous * velocity + inertia * acceleration;
 }

@@ -83,6 +83,13 @@ impl Creep {
     }
 }
 
+/// The mean of a velocity's sign over a time around an instant, at an acceleration: dry friction in a reading that is
+/// itself a mean.
+pub(crate) fn mean_sign(dq: f64, acceleration: f64, over_s: f64) -> f64 {
+    let reach = 0.5 * over_s * acceleration.abs();
+    if dq == 0.0 { 0.0 } else { (dq / reach).clamp(-1.0, 1.0) }
+}
+
 /// Joint-level forces on one joint during one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Dof {
@@ -116,6 +123,8 @@ pub struct PrescribedMotion {
     pub from: Motion,
     /// At its end.
     pub to: Motion,
+    /// Over how long the readings are means, in s; 0 where each is of one instant.
+    pub mean_s: f64,
 }
 
 /// Pose and velocity of the root's frame, in the world.
@@ -193,4 +202,20 @@ pub trait Dynamics {
     fn ball(&self) -> Option<Point3<f64>>;
     /// Why the state is invalid (not finite, or faster than any plausible motion), if it is.
     fn trouble(&self) -> Option<String>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mean_sign_is_the_mean_of_signs() {
+        for (dq, acceleration) in [(0.3, 2.0), (-0.004, 2.0), (0.004, -2.0), (0.002, 0.0), (0.0, 3.0), (-1.0, 0.0)] {
+            let over_s = 0.01;
+            let at = |i: i32| dq + acceleration * over_s * (f64::from(i) + 0.5) / 2000.0;
+            let mean = (-1000..1000).map(|i| if at(i) == 0.0 { 0.0 } else { at(i).signum() }).sum::<f64>() / 2000.0;
+            assert!((mean_sign(dq, acceleration, over_s) - mean).abs() < 2e-3, "{dq} {acceleration}: {mean}");
+            assert!((mean_sign(dq, acceleration, 0.0) - if dq == 0.0 { 0.0 } else { dq.signum() }).abs() < 1e-12);
+        }
+    }
 }

@@ -170,6 +170,7 @@ impl<'a> Control<'a> {
                 torque,
                 load,
                 command,
+                mean_s: prescribed.map_or(0.0, |motion| motion.mean_s),
                 neighbours: self.neighbours.of(i),
             };
             let dof = match prescribed.filter(|_| supports_prescribed) {
@@ -283,7 +284,7 @@ impl<'a> ReferenceTracker<'a> {
     /// The prescribed motion of joint `i` in the step that begins at `time_s`.
     fn prescribed(&self, i: usize, time_s: f64, dt_s: f64) -> Option<PrescribedMotion> {
         let (from, to) = (self.drive.motion(i, time_s)?, self.drive.motion(i, time_s + dt_s)?);
-        Some(PrescribedMotion { from, to })
+        Some(PrescribedMotion { from, to, mean_s: self.drive.mean_s() })
     }
 
     /// Fraction of the control period since the previous tick.

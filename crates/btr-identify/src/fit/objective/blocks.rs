@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     fn blocks() -> [Block; 2] {
-        [Block { rows: vec![0..2, 4..5], columns: vec![0, 2] }, Block { rows: vec![2..4], columns: vec![1, 2] }]
+        [Block { rows: vec![0..2, 4..5], columns: vec![0, 2] }, Block { rows: vec![2..3, 3..4], columns: vec![1, 2] }]
     }
 
     fn jacobian() -> DMatrix<f64> {
@@ -130,6 +130,6 @@ mod tests {
         let difference = &change - &jacobian * &moved;
         update(&mut jacobian, &difference, &moved, &blocks());
         assert!((&jacobian * &moved - change).norm() < 1e-12);
-        assert_eq!([jacobian[(0, 1)], jacobian[(4, 1)], jacobian[(2, 0)], jacobian[(3, 0)]], [0.0; 4]);
+        assert!([(0, 1), (4, 1), (2, 0), (3, 0)].iter().all(|&place| jacobian[place] == 0.0));
     }
 }

@@ -43,8 +43,9 @@ struct Parts {
     rest: Vec<f64>,
     /// Indices of additive parameters.
     added: Vec<usize>,
-    /// The point with the links' parameters alone, if any of them differs from 0.
+    /// The point with the links' parameters alone, if any of them differs from 0, and how they change the residual.
     links: Option<Vec<f64>>,
+    of_links: Option<Arc<Vec<f64>>>,
 }
 
 /// What was simulated so far.
@@ -93,8 +94,9 @@ impl Superposition {
         }
         let off = |part: &Parts| Parts::off(part.log, part.rest.len()).key();
         simulate_rests(kept, parts.iter().map(off).collect(), simulate);
-        let added: Vec<Option<Arc<Vec<f64>>>> =
-            parts.iter_mut().map(|part| self.of_links(problem, kept, inertias, part, simulate)).collect();
+        for part in &mut parts {
+            part.of_links = self.of_links(problem, kept, inertias, part, simulate);
+        }
         simulate_rests(kept, parts.iter().map(Parts::key).collect(), simulate);
         let responses = parts
             .iter()
@@ -102,12 +104,8 @@ impl Superposition {
             .flat_map(|(part, (u, _))| part.added.iter().map(|&index| self.response(part.log, index, u)));
         self.simulate_responses(problem, kept, responses.collect(), simulate);
         let kept = &*kept;
-        let sum = |((part, (u, _)), links): ((&Parts, &(&[f64], usize)), &Option<Arc<Vec<f64>>>)| {
-            let mut residual = self.sum(problem, kept, part, u)?;
-            links.iter().for_each(|links| residual.iter_mut().zip(links.iter()).for_each(|(r, change)| *r += change));
-            Ok(residual)
-        };
-        parts.par_iter().zip(points).zip(&added).map(sum).collect()
+        let sum = |(part, (u, _)): (&Parts, &(&[f64], usize))| self.sum(problem, kept, part, u);
+        parts.par_iter().zip(points).map(sum).collect()
     }
 
     /// The change of the residual by the links' parameters of a point, from what is known of inertias or by a
@@ -158,7 +156,7 @@ impl Superposition {
             self.inertial.iter().for_each(|&k| (alone[k], rest[k]) = (rest[k], 0.0));
             links = Some(alone);
         }
-        Parts { log, rest, added, links }
+        Parts { log, rest, added, links, of_links: None }
     }
 
     fn response(&self, log: usize, index: usize, u: &[f64]) -> Key {
@@ -234,6 +232,9 @@ impl Superposition {
             kept.get(key).cloned().unwrap_or_else(|| Err(unanswered()))
         };
         let mut residual = known(&part.key())?.to_vec();
+        if let Some(links) = &part.of_links {
+            residual.iter_mut().zip(links.iter()).for_each(|(r, change)| *r += change);
+        }
         for &index in &part.added {
             let (additive, response) = (&self.additive[index], known(&self.response(part.log, index, u))?);
             let coordinate = u[additive.parameter];
@@ -246,7 +247,7 @@ impl Superposition {
 impl Parts {
     /// The point where everything is off.
     fn off(log: usize, parameters: usize) -> Parts {
-        Parts { log, rest: vec![0.0; parameters], added: Vec::new(), links: None }
+        Parts { log, rest: vec![0.0; parameters], added: Vec::new(), links: None, of_links: None }
     }
 
     fn key(&self) -> Key {

@@ -33,15 +33,15 @@ pub(crate) fn read(source: &LogSource, file: &File, robot: &Robot) -> Result<Rea
         (Base::Fixed, false) => leave_out_glitches(&mut log),
     };
     let mut warnings: Vec<String> = warnings;
-    if robot.is_prescribed() {
-        warnings.extend(thin(&mut log, file.simulation.control_s));
-    }
-    Ok(ReadLog { path: source.path().to_owned(), log, glitches, warnings })
+    let thinned = if robot.is_prescribed() { thin(&mut log, file.simulation.control_s) } else { None };
+    let mean_s = thinned.as_ref().map_or(0.0, |(mean_s, _)| *mean_s);
+    warnings.extend(thinned.map(|(_, told)| told));
+    Ok(ReadLog { path: source.path().to_owned(), log, glitches, warnings, mean_s })
 }
 
 /// Takes means where a prescribed motion was recorded at more than twice the rate at which it is followed: simulated
-/// and smoothed torques have nothing above that. Says so.
-fn thin(log: &mut Log, control_s: Option<f64>) -> Option<String> {
+/// and smoothed torques have nothing above that. Says over how long the means are, in s, and that in words.
+fn thin(log: &mut Log, control_s: Option<f64>) -> Option<(f64, String)> {
     let (period_s, step_s) = (control_s.unwrap_or(FOLLOWED_S), log.usual_step_s()?);
     // Steps are rounded to microseconds in many logs.
     let count = (period_s / step_s * (1.0 + 1e-3)).floor() as usize;
@@ -50,10 +50,11 @@ fn thin(log: &mut Log, control_s: Option<f64>) -> Option<String> {
     }
     *log = log.means(count).from_zero();
     let (before, after) = (1.0 / step_s, 1.0 / (step_s * count as f64));
-    Some(format!(
+    let told = format!(
         "means of {count} samples, {after:.0} instead of {before:.0} per second; [simulation] control_s = {} uses all",
         (step_s * 1e6).round() / 1e6
-    ))
+    );
+    Some((step_s * count as f64, told))
 }
 
 /// An error about a log that is not the fault of the model file.

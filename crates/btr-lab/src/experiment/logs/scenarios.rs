@@ -69,7 +69,11 @@ impl ScenarioSet {
     ) -> Result<(), FileError> {
         let path = &log.path;
         let (pieces, noticed) = pieces::pieces(path, &log.log)?;
-        let scenario = |piece| Ok(Scenario { settings: settings.to_vec(), ..reader.compared(piece)? });
+        let scenario = |piece| {
+            let compared = reader.compared(piece)?;
+            let replay = compared.replay.map(|replay| Arc::new(Arc::unwrap_or_clone(replay).of_means(log.mean_s)));
+            Ok(Scenario { settings: settings.to_vec(), replay, ..compared })
+        };
         // All or nothing: a log that is refused leaves no trace.
         let scenarios = pieces.iter().map(scenario).collect::<Result<Vec<_>, FileError>>()?;
         self.notice(path, log.warnings.iter().cloned());

@@ -54,6 +54,8 @@ pub struct ReadLog {
     pub glitches: Vec<GlitchReport>,
     /// Warnings of its reader.
     pub warnings: Vec<String>,
+    /// Over how long each sample is a mean, in s; 0 where it is of one instant.
+    pub mean_s: f64,
 }
 
 /// The logs of a command. Each is read once and passed on.

@@ -23,7 +23,7 @@ impl IdentificationProblem {
             return Vec::new();
         }
         let everywhere = self.acting_everywhere();
-        let joints = self.model.robot.movable().enumerate().map(|(_, (link, of))| (link, &of.joint));
+        let joints = self.model.robot.movable().map(|(link, of)| (link, &of.joint));
         joints.flat_map(|(link, joint)| self.additive_at(link, joint, &everywhere)).collect()
     }
 

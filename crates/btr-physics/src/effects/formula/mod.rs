@@ -274,6 +274,7 @@ impl Effect for Formula {
                 torque,
                 load: 0.0,
                 command,
+                mean_s: 0.0,
                 neighbours: None,
             };
             *reading = self.at(p, &law_inputs(&mut memory, &state));

@@ -4,7 +4,7 @@
 
 use super::linear_algebra::lanes::Lanes;
 use super::state::Articulated;
-use crate::engine::Creep;
+use crate::engine::{Creep, mean_sign};
 use pulp::{NullaryFnOnce, Simd};
 
 /// The torques that prescribed joints require, compiled for the engine's instruction set.
@@ -95,7 +95,11 @@ impl<S: Simd> Articulated<S> {
             let [rate, time_s] = inner.creep.map(|lanes| lanes.lane(lane));
             // A rigid hold can be anything up to friction's torque: zero is the smallest.
             let creep = if rate > 0.0 { Creep { rate, time_s } } else { Creep::default() };
-            let friction = creep.torque(dq, motion.from.acceleration, inner.dry_friction.lane(lane));
+            let (limit, acceleration) = (inner.dry_friction.lane(lane), motion.from.acceleration);
+            let friction = match rate > 0.0 {
+                true => creep.torque(dq, acceleration, limit),
+                false => -limit * mean_sign(dq, acceleration, motion.mean_s),
+            };
             *torque = inertial - friction - (constant - stiffness * q - damping * dq);
         }
     }
