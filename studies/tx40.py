@@ -9,8 +9,8 @@ motion, and the torques that it requires are compared. The log is taken down to 
 rest is held out. The URDF's inertials stay as they are.
 
 Each step of the ladder has more terms than the one before, and is fitted to the learnt part in one call of `btr fit`.
-Friction and rotors are added with `--add`; offsets and the coupling of the wrist motors, for which btr has no effect,
-are formulas in the model file. A formula does not know another joint's acceleration, so coupled rotors are not in it.
+Friction and rotors are added with `--add`; offsets, and the friction of the wrist motor that turns with joints 5 and 6,
+are formulas in the model file.
 The reference is least squares by the publishers' terms, on held-out torques that are not smoothed.
 
 `btr diagnose` is asked about the URDF alone. Errors are 100·rms(error)/rms(torque); of all joints, both are the roots

@@ -195,7 +195,8 @@ fn a_coupling_equals_its_law() {
     let apart = one.iter().zip(&other).map(|(a, b)| (a - b).abs()).filter(|d| d.is_finite()).fold(0.0, f64::max);
     assert!(apart < 1e-6 && one.iter().any(|torque| torque.abs() > 0.5), "{apart}");
     lab.write("servo.toml", &MODEL.replace("\"prescribed\"", "\"position\"\nkp = 10.0\nkd = 0.1"));
-    let rows: String = (0..200).map(|i| format!("{},0.1,0.1,0.1,0.1\n", 0.01 * f64::from(i))).collect();
+    let row = |i: u32| (0.01 * f64::from(i), 0.3 * (0.05 * f64::from(i)).sin());
+    let rows: String = (0..200).map(row).map(|(t, q)| format!("{t},{q},{q},{q},{q}\n")).collect();
     lab.write("servo.csv", &format!("t,q_hip,q_knee,cmd_hip,cmd_knee\n{rows}"));
     let refused = lab.run("fit servo.toml servo.csv --add parent_coupling@knee -q");
     assert!(
@@ -268,4 +269,27 @@ fn an_effect_without_a_site_has_a_value_for_each_joint() {
     let [hip, knee, all] = ["hip", "knee", "*"].map(|site| format!("viscous_friction.coefficient@{site}"));
     assert_eq!(fitted("viscous_friction"), [hip, knee]);
     assert_eq!(fitted("viscous_friction@*"), [all]);
+}
+
+/// More samples than a prescribed motion is followed at are taken as means, unless the model asks for all.
+#[test]
+fn a_fast_log_is_taken_as_means_and_says_so() {
+    let lab = Lab::new();
+    lab.write("leg.urdf", URDF);
+    let mut log = "t,q_hip,q_knee,tau_hip,tau_knee\n".to_owned();
+    for i in 0..3000 {
+        let t = f64::from(i) / 1000.0;
+        let (hip, knee) = (swing(t, 0.0, (2.1, 4.7)), swing(t, 0.0, (2.9, 5.3)));
+        writeln!(log, "{t},{},{},{},{}", hip[0], knee[0], 0.1 * hip[1], 0.1 * noise(i, 0.5)).unwrap();
+    }
+    lab.write("fast.csv", &log);
+    for (control, told) in [("", true), ("\n[simulation]\ncontrol_s = 0.001\n", false)] {
+        lab.write("leg.toml", &format!("{MODEL}{control}"));
+        let output = lab.run("compare leg.toml fast.csv --json");
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(text.contains("means of 5 samples, 200 instead of 1000 per second"), told, "{text}");
+        let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let samples = document["channels"][0]["samples"].as_u64();
+        assert!(samples.is_none_or(|samples| (samples < 700) == told), "{document}");
+    }
 }

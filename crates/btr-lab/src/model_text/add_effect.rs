@@ -96,6 +96,9 @@ impl AddError {
         Some(match self {
             AddError::Unknown { near: Some(near), .. } => near.as_str().into(),
             AddError::Unknown { near: None, .. } => Text::from(Verb::Effects) + " lists them",
+            AddError::Site { known, .. } if known.is_empty() => {
+                "it is for joints with a neighbour, all with kind = \"prescribed\"".into()
+            }
             AddError::Site { known, .. } => format!("it can act on: {}", known.join(", ")).into(),
             AddError::Twice { .. } => Text::from("fit it as it is: ") + Verb::Fit,
             AddError::Name { .. } => "call it something else".into(),
@@ -131,8 +134,9 @@ impl Addition {
         })?;
         let placed = PlacedEffect::off(effect, site);
         if placed.check_site(robot).is_err() {
+            let joints = robot.movable().filter(|(link, _)| effect.acts_on(robot, *link));
             let known = match effect.spec().site {
-                SiteKind::Joint => robot.movable().map(|(_, link)| link.joint.name.clone()).collect(),
+                SiteKind::Joint => joints.map(|(_, link)| link.joint.name.clone()).collect(),
                 SiteKind::Link => robot.links.iter().map(|link| link.name.clone()).collect(),
                 SiteKind::Base => vec!["base".to_owned()],
                 SiteKind::Ground | SiteKind::Robot => vec!["*".to_owned()],
