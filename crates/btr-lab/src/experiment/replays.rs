@@ -113,8 +113,9 @@ where
     let (mut logs, warnings) = (set.logs.clone(), set.warnings.clone());
     let mut model = builder.model(set)?;
     // Smoothed torques do not show their noise any more.
-    let raw: Vec<&Log> = recordings.learn.iter().map(|read| &read.log).collect();
-    let floors = torque_noise::floors(&model, &raw, &logs);
+    let sensors: Vec<_> = recordings.learn.iter().map(|read| &read.torque_noise).collect();
+    let means_of = recordings.learn.iter().map(|read| read.means_of).max().unwrap_or(1);
+    let floors = torque_noise::floors(&model, (&sensors, means_of), &logs);
     model.setup.noise.channels.extend(floors);
     let beside = match file.channels.keep_glitches {
         true => vec![Vec::new(); logs.len()],

@@ -13,7 +13,7 @@ use btr_core::signal::stats::robust_std;
 use btr_core::world::{Simulator, WorldError};
 use btr_physics::drive::Replay;
 use btr_physics::model::{Model, ModelRequest, Scenario};
-use btr_physics::robot::Joint;
+use btr_physics::robot::{Joint, Robot};
 use btr_physics::sensor::add_noise;
 use indexmap::IndexMap;
 use std::sync::Arc;
@@ -21,9 +21,24 @@ use std::sync::Arc;
 /// Most samples of a log from which noise is estimated.
 const ENOUGH: usize = 20_000;
 
-/// The noise floor of each such torque; the model may state the noise of the sensor. `raw` are the training logs as
-/// recorded, `logs` those of the model's scenarios.
-pub(crate) fn floors(model: &Model, raw: &[&Log], logs: &[Log]) -> IndexMap<String, f64> {
+/// Estimates of the noise of torque sensors in a log as recorded.
+pub(crate) fn of_sensors(log: &Log, robot: &Robot) -> IndexMap<String, f64> {
+    let of_joint = |joint: &Joint| {
+        let name = joint.compared();
+        let sigma = NoiseEstimate::of(&log.channel(&name)?.values)?.sigma();
+        Some((name, sigma))
+    };
+    robot.prescribed().filter_map(of_joint).collect()
+}
+
+/// The noise floor of each such torque; the model may state the noise of a recorded sample. `sensors` are the estimates
+/// of the noise in each training log, whose samples are means of so many recorded ones; `logs` are those of the model's
+/// scenarios.
+pub(crate) fn floors(
+    model: &Model,
+    (sensors, means_of): (&[&IndexMap<String, f64>], usize),
+    logs: &[Log],
+) -> IndexMap<String, f64> {
     let joints: Vec<&Joint> = model.robot.prescribed().collect();
     let Some(longest) = (0..model.learn.min(logs.len())).max_by_key(|k| logs[*k].len()).filter(|_| !joints.is_empty())
     else {
@@ -31,14 +46,14 @@ pub(crate) fn floors(model: &Model, raw: &[&Log], logs: &[Log]) -> IndexMap<Stri
     };
     let log = logs[longest].part(0..logs[longest].len().min(ENOUGH));
     // A log that cannot be simulated is reported where it is needed.
-    let moved = by_motion(model, &model.scenarios[longest], &log, &joints).unwrap_or_default();
+    let moved = by_motion(model, &model.scenarios[longest], (&log, means_of), &joints).unwrap_or_default();
     let left = left_by_smoothing(&log);
     let floor = |joint: &Joint| {
         let name = joint.compared();
-        let of_log = |log: &&Log| Some(NoiseEstimate::of(&log.channel(&name)?.values)?.sigma().powi(2));
-        let squares: Vec<f64> = raw.iter().filter_map(of_log).collect();
+        let squares: Vec<f64> = sensors.iter().filter_map(|log| Some(log.get(&name)?.powi(2))).collect();
         let estimated = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
-        let sensor = model.setup.noise.stated(&name).unwrap_or(estimated);
+        let stated = model.setup.noise.stated(&name).map(|sigma| sigma / (means_of as f64).sqrt());
+        let sensor = stated.unwrap_or(estimated);
         let motion = moved.get(&name).copied().unwrap_or(0.0);
         (!squares.is_empty()).then(|| (name, (left * sensor).hypot(motion)))
     };
@@ -49,7 +64,7 @@ pub(crate) fn floors(model: &Model, raw: &[&Log], logs: &[Log]) -> IndexMap<Stri
 fn by_motion(
     model: &Model,
     scenario: &Scenario,
-    log: &Log,
+    (log, means_of): (&Log, usize),
     joints: &[&Joint],
 ) -> Result<IndexMap<String, f64>, WorldError> {
     let s = model.simulations().nominal();
@@ -64,6 +79,9 @@ fn by_motion(
         if let Some(values) = noisier.values_mut(&name)
             && let Some(sigma) = model.setup.noise.floor(&name, values)
         {
+            // What is stated is the noise of a recorded sample.
+            let of = if model.setup.noise.stated(&name).is_some() { means_of } else { 1 };
+            let sigma = sigma / (of as f64).sqrt();
             add_noise(values, sigma, 0.0, &mut stream(0, &[k as u64]));
         }
     }

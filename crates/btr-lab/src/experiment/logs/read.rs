@@ -3,7 +3,7 @@
 use super::source::{LogSource, ReadLog};
 use crate::experiment::file::File;
 use crate::experiment::source::FileError;
-use crate::log_quality::usable;
+use crate::log_quality::{torque_noise, usable};
 use btr_core::log::Log;
 use btr_core::text::Text;
 use btr_identify::quality::{find_glitches, leave_out_glitches};
@@ -33,15 +33,19 @@ pub(crate) fn read(source: &LogSource, file: &File, robot: &Robot) -> Result<Rea
         (Base::Fixed, false) => leave_out_glitches(&mut log),
     };
     let mut warnings: Vec<String> = warnings;
+    // Means show their noise no more: what swings between two of them looks like it.
+    let mut torque_noise = torque_noise::of_sensors(&log, robot);
     let thinned = if robot.is_prescribed() { thin(&mut log, file.simulation.control_s) } else { None };
-    let mean_s = thinned.as_ref().map_or(0.0, |(mean_s, _)| *mean_s);
-    warnings.extend(thinned.map(|(_, told)| told));
-    Ok(ReadLog { path: source.path().to_owned(), log, glitches, warnings, mean_s })
+    let (means_of, mean_s) = thinned.as_ref().map_or((1, 0.0), |(count, mean_s, _)| (*count, *mean_s));
+    torque_noise.values_mut().for_each(|sigma| *sigma /= (means_of as f64).sqrt());
+    warnings.extend(thinned.map(|(_, _, told)| told));
+    Ok(ReadLog { path: source.path().to_owned(), log, glitches, warnings, means_of, mean_s, torque_noise })
 }
 
 /// Takes means where a prescribed motion was recorded at more than twice the rate at which it is followed: simulated
-/// and smoothed torques have nothing above that. Says over how long the means are, in s, and that in words.
-fn thin(log: &mut Log, control_s: Option<f64>) -> Option<(f64, String)> {
+/// and smoothed torques have nothing above that. Says of how many samples the means are, over
+/// how long, in s, and both in words.
+fn thin(log: &mut Log, control_s: Option<f64>) -> Option<(usize, f64, String)> {
     let (period_s, step_s) = (control_s.unwrap_or(FOLLOWED_S), log.usual_step_s()?);
     // Steps are rounded to microseconds in many logs.
     let count = (period_s / step_s * (1.0 + 1e-3)).floor() as usize;
@@ -54,7 +58,7 @@ fn thin(log: &mut Log, control_s: Option<f64>) -> Option<(f64, String)> {
         "means of {count} samples, {after:.0} instead of {before:.0} per second; [simulation] control_s = {} uses all",
         (step_s * 1e6).round() / 1e6
     );
-    Some((step_s * count as f64, told))
+    Some((count, step_s * count as f64, told))
 }
 
 /// An error about a log that is not the fault of the model file.

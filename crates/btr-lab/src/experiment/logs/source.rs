@@ -2,6 +2,7 @@
 
 use btr_core::log::Log;
 use btr_identify::quality::GlitchReport;
+use indexmap::IndexMap;
 use std::path::{Path, PathBuf};
 
 /// A log to read, or a log in memory.
@@ -54,8 +55,12 @@ pub struct ReadLog {
     pub glitches: Vec<GlitchReport>,
     /// Warnings of its reader.
     pub warnings: Vec<String>,
+    /// Of how many recorded samples each sample is the mean.
+    pub means_of: usize,
     /// Over how long each sample is a mean, in s; 0 where it is of one instant.
     pub mean_s: f64,
+    /// For torques that a prescribed motion requires, the standard deviation of the sensor's noise in the samples.
+    pub torque_noise: IndexMap<String, f64>,
 }
 
 /// The logs of a command. Each is read once and passed on.
