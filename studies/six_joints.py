@@ -40,6 +40,12 @@ LINKS = [
     (0.2, 0.06, 0.035, "0 0 1"),
 ]
 PAYLOAD_KG = 2.8
+# What may be named: each joint's friction and rotor, the load, and the motor that turns with joints 5 and 6.
+PLANTED = {
+    *(f"{effect}@joint_{joint}" for effect in ("coulomb_friction", "viscous_friction", "armature")
+      for joint in range(1, JOINTS + 1)),
+    "tool_load@link_6", "parent_coupling@joint_6", "child_coupling@joint_5",
+}
 # Typical sizes at each joint: N·m·s/rad, N·m, kg·m², noise of the torque in N·m.
 VISCOUS = [8.0, 10.0, 5.0, 1.0, 0.9, 0.4]
 COULOMB = [9.0, 10.0, 6.0, 1.5, 1.4, 0.7]
@@ -175,6 +181,10 @@ def friction(values: dict[str, float], joint: int, what: str) -> list[float]:
     return [values[name + site] for name in names if name + site in values]
 
 
+def named_effects(answer: dict) -> list[str]:
+    return [f"{effect['effect']}@{site}" for effect in answer["effects"] for site in sites(effect)]
+
+
 def sites(effect: dict) -> list[str]:
     return effect["site"] if isinstance(effect["site"], list) else [effect["site"]]
 
@@ -190,12 +200,11 @@ def judge(answer: dict, truth: Truth) -> dict:
     rotors = sum(within(values.get(f"armature.inertia@joint_{k + 1}"), inertias[k]) for k in range(JOINTS))
     loads = {name: value for name, value in values.items() if ".mass@" in name}
     law = answer.get("residual_law") or {}
-    coupled = [f"{e['effect']}@{site}" for e in answer["effects"] if "coupling" in e["effect"] for site in sites(e)]
+    coupled = [name for name in named_effects(answer) if "coupling" in name]
     text = f"{law.get('site', '-')}: {law.get('law', '-')}; {' '.join(coupled)}"
     return {**right, "rotors": rotors, "loads": loads, "law": text,
             "load_right": any(within(v, PAYLOAD_KG) and n.endswith("link_6") for n, v in loads.items()),
-            "others": [f"{e['effect']}@{site}" for e in answer["effects"] for site in sites(e)
-                       if e["effect"] in ("cogging", "parallel_spring", "presliding_friction", "stribeck_friction")],
+            "others": [name for name in named_effects(answer) if name not in PLANTED],
             "law_right": {"parent_coupling@joint_6", "child_coupling@joint_5"} <= set(coupled) or
             law.get("site") in ("joint_5", "joint_6") and
             any(name in law.get("law", "") for name in ("dq_parent", "dq_child"))}

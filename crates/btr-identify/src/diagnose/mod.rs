@@ -119,30 +119,23 @@ fn go_on(
             break;
         }
         state.left_over = None;
-        match found.is_empty() {
+        if !found.is_empty() {
             // An accepted effect is finished: stopped halfway, it would be neither fitted nor judged.
-            false => {
-                objective.set_stoppable(false);
-                for (rival, found) in found {
-                    if state.effects(objective) < question.max_effects {
-                        let rival = state.beside_others(objective, rival);
-                        add(objective, &mut state, rival, found, on_step);
-                    }
+            objective.set_stoppable(false);
+            for (rival, found) in found {
+                if state.effects(objective) < question.max_effects {
+                    let rival = state.beside_others(objective, rival);
+                    add(objective, &mut state, rival, found, on_step);
                 }
             }
-            true => match two(objective, &mut state, question, &mut second_looks) {
-                Some(both) => {
-                    both.ladder[state.ladder.len()..].iter().for_each(on_step);
-                    state = both;
-                    objective.set_stoppable(false);
-                }
-                None if state.replace_by_unconfirmed(objective, on_step) => (),
-                None => {
-                    state.left_over = state.rounds.last().and_then(|ranked| ranked.first().cloned());
-                    cut_short = second_looks.refused || objective.is_stopped();
-                    break;
-                }
-            },
+        } else if let Some(both) = two(objective, &mut state, question, &mut second_looks) {
+            both.ladder[state.ladder.len()..].iter().for_each(on_step);
+            state = both;
+            objective.set_stoppable(false);
+        } else if !state.replace_by_unconfirmed(objective, on_step) {
+            state.left_over = state.rounds.last().and_then(|ranked| ranked.first().cloned());
+            cut_short = second_looks.refused || objective.is_stopped();
+            break;
         }
         exchange(objective, &mut state, on_step);
         while let Some((rival, found)) = companion(objective, &mut state) {
@@ -158,6 +151,9 @@ fn go_on(
             let restarts_left = if contact { 1 } else { RESTARTS };
             return go_on_with_new_starts(objective, question, state, on_step, restarts_left);
         }
+    }
+    if objective.description.is_decoupled && !objective.is_stopped() {
+        state.drop_needless(objective);
     }
     Diagnosis { cut_short, ..conclude(objective, question, state) }
 }

@@ -131,7 +131,6 @@ fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader:
             rival.fit.jacobian = None;
             let budget = if against.is_empty() { LEADER } else { FOLLOWER };
             own::solve(objective, rival.candidate, &mut rival.fit, budget);
-
             // With contact every rollout is slow, and this rarely changes the order.
             if !objective.description.is_chaotic || left(&rival.fit) <= best {
                 reshape(objective, &mut rival);

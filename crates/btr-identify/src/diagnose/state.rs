@@ -199,6 +199,23 @@ impl DiagnosisState {
         }
     }
 
+    /// Drops findings that have become needless since: what the links have adapts to each finding, and with it what is
+    /// left at joints where nothing was found any more.
+    pub(super) fn drop_needless(&mut self, objective: &Objective) {
+        let mut index = 0;
+        while self.chosen.len() > 1 && index < self.chosen.len() {
+            let candidate = self.chosen[index].candidate;
+            let kept = self.has_further_instances(objective, index);
+            let mut without = if kept { None } else { self.less(objective, &[index]) };
+            without.iter_mut().for_each(|fit| own::solve(objective, candidate, fit, FOLLOWER));
+            let left = |fit: &FitPoint| own::learnt(objective, candidate, fit);
+            match without.filter(|fit| left(fit) <= (1.0 + LEARNT_FALL) * left(&self.fit)) {
+                Some(fit) => self.drop_with(objective, index, fit),
+                None => index += 1,
+            }
+        }
+    }
+
     /// Whether the latest finding can make a difference to one: not where they show in different channels.
     pub(super) fn may_depend_on_latest(&self, objective: &Objective, index: usize) -> bool {
         let (Some(one), Some(latest)) = (self.chosen.get(index), self.chosen.last()) else { return false };

@@ -42,8 +42,8 @@ effects! {
         armature::Armature,
         parallel_spring::ParallelSpring,
         cogging::Cogging,
-        parent_coupling::ParentCoupling,
-        child_coupling::ChildCoupling,
+        parent_coupling::PARENT_COUPLING,
+        child_coupling::CHILD_COUPLING,
     }
     motor {
         torque_limit::TorqueLimit,

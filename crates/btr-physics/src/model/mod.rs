@@ -8,8 +8,8 @@ mod standard;
 pub mod task;
 
 use crate::drive::{Drive, DrivePlan};
-use crate::effects::{PlacedEffect, SiteKind};
-use crate::robot::{Joint, JointKind, Link, Robot};
+use crate::effects::PlacedEffect;
+use crate::robot::{Joint, JointKind, Robot};
 use crate::rollout::restart::Restart;
 use crate::setup::{EngineName, Setup};
 use btr_core::log::{Log, Role};
@@ -170,22 +170,6 @@ impl Model {
     /// The robot, effects and setup of simulation `s` in a scenario. A scenario's known values override S.
     pub fn at(&self, s: &[f64], scenario: usize) -> (Robot, Vec<PlacedEffect>, Setup) {
         self.in_scenario(&self.scenarios[scenario], s, &[])
-    }
-
-    /// For each link at a point: its mass in kg, mass times centre of mass in kg·m, and inertia about the origin of its
-    /// frame in kg·m² (xx, yy, zz, xy, xz, yz), in which the torques of a prescribed motion are linear.
-    ///
-    /// # Errors
-    /// An effect at a site that the robot does not have.
-    pub fn inertias(&self, request: &ModelRequest) -> Result<Vec<[f64; 10]>, WorldError> {
-        let (mut robot, mut effects, _) = self.in_scenario(request.scenario, request.s, request.values);
-        effects.extend_from_slice(request.effects);
-        for placed in effects.iter().filter(|placed| placed.effect.spec().site == SiteKind::Link && !placed.is_off()) {
-            for link in placed.links(&robot)? {
-                placed.effect.link(&placed.values, &mut robot, link);
-            }
-        }
-        Ok(robot.links.iter().map(Link::inertial_parameters).collect())
     }
 
     /// The same with values that replace the model's own.

@@ -1,12 +1,13 @@
 //! The standard dynamic parameters of a model, and its inertial parameters as a whole.
 
 use super::parameter::Target;
-use super::{Model, Scenario};
+use super::{Model, ModelRequest, Scenario};
 use crate::effects;
 use crate::effects::PlacedEffect;
 use crate::engine::Dof;
 use crate::engine::assemble::bodies;
 use crate::inertials::{MovingInertials, StandardParameter, standard_parameters, where_massless};
+use crate::robot::Robot;
 use crate::robot::site::matches;
 use crate::rollout;
 use btr_core::world::WorldError;
@@ -35,10 +36,7 @@ impl Model {
         values: &[(Target, f64)],
         further: &[PlacedEffect],
     ) -> Result<Vec<f64>, WorldError> {
-        let (robot, mut placed, setup) = self.in_scenario(&Scenario::default(), s, values);
-        placed.extend_from_slice(further);
-        let placed = effects::in_force(&placed)?;
-        let (robot, _) = rollout::apply_static_effects(&robot, &placed, Cow::Borrowed(&setup))?;
+        let (robot, placed) = self.acting(&Scenario::default(), s, values, further)?;
         let bodies: Vec<MovingInertials> = bodies(&robot).iter().skip(1).map(MovingInertials::from).collect();
         let of_joint = |body: &MovingInertials| {
             let joint = &robot.links[body.link].joint;
@@ -49,5 +47,31 @@ impl Model {
         };
         let of_bodies = bodies.iter().flat_map(|body| body.inertials.to_array());
         Ok(of_bodies.chain(bodies.iter().flat_map(of_joint)).collect())
+    }
+
+    /// The inertial parameters of all moving bodies at a point, one body after the other: the torques of a prescribed
+    /// motion are linear in them.
+    ///
+    /// # Errors
+    /// An effect with invalid values or a site that the robot does not have.
+    pub fn inertias(&self, at: &ModelRequest) -> Result<Vec<f64>, WorldError> {
+        let (robot, _) = self.acting(at.scenario, at.s, at.values, at.effects)?;
+        let moving = bodies(&robot);
+        Ok(moving.iter().skip(1).flat_map(|body| MovingInertials::from(body).inertials.to_array()).collect())
+    }
+
+    /// The robot as effects on its links leave it, and the effects that are not off.
+    fn acting(
+        &self,
+        scenario: &Scenario,
+        s: &[f64],
+        values: &[(Target, f64)],
+        further: &[PlacedEffect],
+    ) -> Result<(Robot, Vec<PlacedEffect>), WorldError> {
+        let (robot, mut placed, setup) = self.in_scenario(scenario, s, values);
+        placed.extend_from_slice(further);
+        let placed = effects::in_force(&placed)?;
+        let (robot, _) = rollout::apply_static_effects(&robot, &placed, Cow::Borrowed(&setup))?;
+        Ok((robot.into_owned(), placed))
     }
 }

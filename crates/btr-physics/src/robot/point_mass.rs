@@ -9,14 +9,6 @@ pub(crate) fn steiner(mass_kg: f64, arm: &Vector3<f64>) -> Matrix3<f64> {
 }
 
 impl Link {
-    /// Mass in kg, mass times centre of mass in kg·m, and inertia about the origin of the link's frame in kg·m² (xx,
-    /// yy, zz, xy, xz, yz).
-    pub fn inertial_parameters(&self) -> [f64; 10] {
-        let first = self.com_m.coords * self.mass_kg;
-        let i = self.inertia_kg_m2 + steiner(self.mass_kg, &self.com_m.coords);
-        [self.mass_kg, first.x, first.y, first.z, i.m11, i.m22, i.m33, i.m12, i.m13, i.m23]
-    }
-
     /// Adds a point mass at a place in the link's frame; does nothing where no mass is left.
     pub(crate) fn add_point_mass(&mut self, mass_kg: f64, at: &Point3<f64>) {
         let total = self.mass_kg + mass_kg;

@@ -10,6 +10,7 @@
 
 mod batch;
 mod control;
+mod joint_control;
 mod neighbours;
 mod prepare;
 mod prepared;

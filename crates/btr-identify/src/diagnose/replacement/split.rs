@@ -23,10 +23,13 @@ struct Parts {
 impl DiagnosisState {
     /// Replaces findings by two laws that they contain, of fewer parameters together, where these explain as much.
     pub(in crate::diagnose) fn split(&mut self, objective: &Objective, on_step: &dyn Fn(&LadderStep)) {
-        for index in 0..self.chosen.len() {
+        let mut index = 0;
+        while index < self.chosen.len() {
             let parts = if self.may_depend_on_latest(objective, index) { self.parts(objective, index) } else { None };
-            if let Some(parts) = parts.filter(|parts| self.will_do(objective, parts)) {
-                self.accept_parts(objective, index, parts, on_step);
+            match parts.filter(|parts| self.will_do(objective, parts)) {
+                // The next finding takes its place.
+                Some(parts) => self.accept_parts(objective, index, parts, on_step),
+                None => index += 1,
             }
         }
     }
@@ -67,8 +70,7 @@ impl DiagnosisState {
         self.fit = parts.fit;
         self.record(objective, step, on_step);
         for part in [first, second] {
-            let found = MissingEffect::of(part, &candidates[part], whole.probability, whole.delta_bic);
-            self.chosen.push(MissingEffect { alike: whole.alike.clone(), evidence: whole.evidence, ..found });
+            self.chosen.push(MissingEffect::of(part, &candidates[part], whole.probability, whole.delta_bic));
         }
         for part in [first, second] {
             self.weigh_part(objective, part);
@@ -90,19 +92,19 @@ impl DiagnosisState {
         let found = &mut self.chosen[index];
         found.evidence = Evidence::of(&before, &after, at_first);
         found.delta_bic = gained;
-        found.alike.clear();
     }
 }
 
 /// Two candidates fitted beside a base.
 fn fitted(objective: &Objective, base: &FitPoint, pair: [usize; 2]) -> Option<FitPoint> {
-    let (mut active, mut u) = (base.active.clone(), base.u.clone());
+    let mut base = base.clone();
+    let mut u = base.u.clone();
     for candidate in pair.map(|part| &objective.candidates()[part]) {
-        active = with(&FitPoint { active, ..base.clone() }, candidate);
+        base.active = with(&base, candidate);
         candidate.amplitudes.iter().for_each(|&k| u[k] = objective.parameters()[k].clamp(START));
         candidate.shapes.iter().zip(&candidate.starts[0]).for_each(|(&k, &shape)| u[k] = shape);
     }
-    let mut fit = FitPoint::at(objective, active, u, &base.step_error).ok()?;
+    let mut fit = FitPoint::at(objective, base.active, u, &base.step_error).ok()?;
     own::solve(objective, pair[0], &mut fit, SearchBudget::FULL);
     Some(fit)
 }

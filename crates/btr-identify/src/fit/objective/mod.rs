@@ -198,7 +198,10 @@ impl<'a> Objective<'a> {
             return false;
         }
         let finer = finer_step(self.step, once(learn).chain(once_with(|| held_out(self))));
-        self.step = finer.unwrap_or(self.step);
+        if let Some(finer) = finer {
+            // What was simulated in longer steps counts no more.
+            (self.step, self.superposition) = (finer, Superposition::new(&self.description));
+        }
         finer.is_some()
     }
 

@@ -62,7 +62,7 @@ impl ResidualModel for IdentificationProblem {
 
     fn inertias(&self, u: &[f64], log: usize) -> Option<Vec<f64>> {
         let scenario = self.begun_from(log, &[]);
-        Some(self.model.inertias(&self.at(u).request(&scenario)).ok()?.concat())
+        self.model.inertias(&self.at(u).request(&scenario)).ok()
     }
 
     fn derive(&self, derivation: &Derivation) -> Option<Box<dyn ResidualModel>> {
