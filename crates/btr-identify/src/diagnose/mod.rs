@@ -154,6 +154,7 @@ fn go_on(
     }
     if objective.description.is_decoupled && !objective.is_stopped() {
         state.drop_needless(objective);
+        state.split(objective, |_, _| true, on_step);
     }
     Diagnosis { cut_short, ..conclude(objective, question, state) }
 }
@@ -178,7 +179,7 @@ fn add(
         state.simplify_latest(objective);
     }
     if objective.description.is_decoupled {
-        state.split(objective, on_step);
+        state.split(objective, |state, index| state.may_depend_on_latest(objective, index), on_step);
     }
 }
 

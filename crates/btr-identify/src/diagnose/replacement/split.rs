@@ -21,11 +21,17 @@ struct Parts {
 }
 
 impl DiagnosisState {
-    /// Replaces findings by two laws that they contain, of fewer parameters together, where these explain as much.
-    pub(in crate::diagnose) fn split(&mut self, objective: &Objective, on_step: &dyn Fn(&LadderStep)) {
+    /// Replaces those findings that are asked about by two laws that they contain, of fewer parameters together, where
+    /// these explain as much.
+    pub(in crate::diagnose) fn split(
+        &mut self,
+        objective: &Objective,
+        is_asked: impl Fn(&Self, usize) -> bool,
+        on_step: &dyn Fn(&LadderStep),
+    ) {
         let mut index = 0;
         while index < self.chosen.len() {
-            let parts = if self.may_depend_on_latest(objective, index) { self.parts(objective, index) } else { None };
+            let parts = if is_asked(self, index) { self.parts(objective, index) } else { None };
             match parts.filter(|parts| self.will_do(objective, parts)) {
                 // The next finding takes its place.
                 Some(parts) => self.accept_parts(objective, index, parts, on_step),
