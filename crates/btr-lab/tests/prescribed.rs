@@ -7,6 +7,7 @@ use btr_identify::fit::{LogSet, Objective};
 use btr_identify::residual_model::{ResidualModel, ResidualRequest, TimeStep};
 use btr_lab::experiment::{LogSource, Source};
 use btr_lab::identification::VerbInput;
+use btr_physics::effects::{EFFECTS, SiteKind};
 use rand::RngExt;
 use std::path::PathBuf;
 
@@ -39,6 +40,11 @@ const URDF: &str = r#"<robot name="leg">
 "#;
 
 fn input() -> VerbInput {
+    input_with("")
+}
+
+/// The model with further lines.
+fn input_with(lines: &str) -> VerbInput {
     let clock: Vec<f64> = (0..600).map(|i| 0.005 * f64::from(i)).collect();
     let mut log = Log::new(clock.clone()).unwrap();
     let mut rng: Rng = stream(5, &[]);
@@ -50,7 +56,7 @@ fn input() -> VerbInput {
     }
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("leg.urdf"), URDF).unwrap();
-    let source = Source::new(folder.path().join("leg.toml"), MODEL);
+    let source = Source::new(folder.path().join("leg.toml"), format!("{MODEL}{lines}"));
     let log = LogSource::InMemory { name: PathBuf::from("swing"), log };
     VerbInput::new(source, &[log], &[]).unwrap()
 }
@@ -61,7 +67,10 @@ fn sums_equal_simulations() {
     let input = input();
     let model: &dyn ResidualModel = &input.problem;
     let (objective, description) = (Objective::new(model), model.description());
-    assert!(description.additive.len() > 20 && description.inertial.len() > 10);
+    assert!(
+        description.joint_laws.iter().map(|laws| laws.proportional.len()).sum::<usize>() > 20
+            && description.inertial.len() > 10
+    );
     let (mut rng, mut compared) = (stream(6, &[]), 0);
     for _ in 0..150 {
         let mut u = vec![0.0; description.parameters.len()];
@@ -102,4 +111,44 @@ fn responses_are_simulated_once() {
     };
     let first = at([1.0, 1.0]);
     assert_eq!([at([0.3, 1.0]), at([2.0, 0.4]), at([0.0, 1.7])], [first; 3]);
+}
+
+/// What acts in a joint beside creep is not a sum of its parts, and has no part of the links.
+#[test]
+fn laws_that_depend_on_each_other_equal_simulations() {
+    let input = input();
+    let model: &dyn ResidualModel = &input.problem;
+    let objective = Objective::new(model);
+    let find = |name: &str| objective.parameters().iter().position(|parameter| parameter.name == name).unwrap();
+    let names = ["friction_creep.creep", "coulomb_friction.torque", "stribeck_friction.static", "armature.inertia"];
+    let mut u = vec![0.0; objective.parameters().len()];
+    names.iter().enumerate().for_each(|(i, name)| u[find(&format!("{name}@knee"))] = 0.5 + 0.3 * i as f64);
+    let mut compare = |load: f64| {
+        u[find("tool_load.mass@shank")] = load;
+        let simulated = model.residual(ResidualRequest::of(&u, 0), TimeStep::USUAL).unwrap();
+        let sum = objective.residual(&u, LogSet::Learn).unwrap();
+        assert!(simulated.iter().zip(&sum).all(|(a, b)| !a.is_finite() || (a - b).abs() < 1e-7 * a.abs().max(1.0)));
+        objective.rollouts()
+    };
+    let first = compare(0.5);
+    assert_eq!([compare(0.8), compare(0.2)], [first; 2]);
+}
+
+/// They are not offered where the motion is prescribed.
+#[test]
+fn effects_of_motors_do_not_show_in_prescribed_motions() {
+    let residual = |input: &VerbInput| {
+        let u = vec![0.0; input.problem.parameters().len()];
+        input.problem.residual(ResidualRequest::of(&u, 0), TimeStep::USUAL).unwrap()
+    };
+    let plain = residual(&input());
+    let of_motors: Vec<_> = EFFECTS.iter().filter(|effect| effect.is_of_motor()).map(|effect| effect.spec()).collect();
+    assert!(of_motors.len() > 10);
+    for spec in of_motors {
+        let values: String = spec.params.iter().map(|param| format!("{} = {:?}\n", param.name, param.hint)).collect();
+        let site = if spec.site == SiteKind::Joint { "knee" } else { "*" };
+        let with = input_with(&format!("[[effects]]\neffect = \"{}\"\nsite = \"{site}\"\n{values}", spec.name));
+        let same = residual(&with).iter().zip(&plain).all(|(a, b)| a.to_bits() == b.to_bits());
+        assert!(same, "{}", spec.name);
+    }
 }

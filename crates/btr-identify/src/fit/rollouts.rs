@@ -1,22 +1,24 @@
 //! Rollouts: many at once, and several small changes in one rollout where they affect disjoint channels.
 
-use crate::residual_model::{RecordedLog, ResidualModel, ResidualRequest, TimeStep};
+use crate::residual_model::{RecordedLog, ResidualRequest};
 use btr_core::parallel::side_by_side;
 use btr_core::world::WorldError;
 use rayon::prelude::*;
 use std::ops::Range;
 
+/// Answers requests, in their order.
+pub(super) type Answer<'a> = dyn Fn(&[ResidualRequest]) -> Vec<Result<Vec<f64>, WorldError>> + Sync + 'a;
+
 /// Applies `convert` to the log and residual of each request. Requests are simulated in batches of the best size.
 pub(super) fn each<T: Send>(
-    model: &dyn ResidualModel,
     batch_size: usize,
     requests: &[ResidualRequest],
-    step: TimeStep,
+    simulate: &Answer,
     convert: &(dyn Fn(usize, Result<Vec<f64>, WorldError>) -> T + Sync),
 ) -> Vec<T> {
     let size = side_by_side(batch_size, requests.len());
     let run = |batch: &[ResidualRequest]| {
-        let residuals = model.residuals(batch, step);
+        let residuals = simulate(batch);
         batch.iter().zip(residuals).map(|(request, residual)| convert(request.log, residual)).collect::<Vec<T>>()
     };
     requests.par_chunks(size).with_max_len(1).flat_map_iter(run).collect()

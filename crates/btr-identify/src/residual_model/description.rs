@@ -10,17 +10,29 @@ use std::sync::Arc;
 /// structure, and intervals would be too narrow.
 pub const NOISE: f64 = 1.15;
 
-/// A parameter whose coordinate changes the residual in proportion, by an amount that depends on its shapes alone.
+/// What acts in one joint of a prescribed motion, and depends on the motion alone: its torques are added to what the
+/// links require. Parameters are indices.
 #[derive(Clone, Debug, PartialEq)]
-pub struct AdditiveParameter {
+pub struct JointLaws {
+    /// Names of the channels in which they show.
+    pub channels: Vec<String>,
+    /// Parameters to which the residual is proportional, while none of `together` differs from 0.
+    pub proportional: Vec<ProportionalParameter>,
+    /// Amplitudes of laws that are not proportional to them, or that depend on the joint's other laws.
+    pub together: Vec<usize>,
+    /// Parameters that, where they are not 0, make the joint's torque depend on more than the motion.
+    pub unless: Arc<[usize]>,
+    /// All parameters of these laws.
+    pub parameters: Vec<usize>,
+}
+
+/// A parameter to which a residual is proportional.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ProportionalParameter {
     /// The parameter, as an index.
     pub parameter: usize,
     /// Parameters that shape its response. They do nothing where it, and all others that they shape, are 0.
     pub shapes: Vec<usize>,
-    /// Names of the channels in which it shows.
-    pub channels: Vec<String>,
-    /// Parameters that change its response where they are not 0.
-    pub unless: Arc<[usize]>,
 }
 
 /// The parameters, candidates and logs of a residual model, and how to simulate it.
@@ -38,8 +50,10 @@ pub struct ModelDescription {
     /// For each candidate, names of the channels that it mainly affects; empty where it affects all. The first
     /// screening tries candidates that affect different channels in one rollout.
     pub candidate_channels: Vec<Vec<String>>,
-    /// Parameters to which the residual is proportional: their responses are simulated once and added up from then on.
-    pub additive: Vec<AdditiveParameter>,
+    /// What acts in the joints of a prescribed motion, joint by joint; see [`ResidualModel::joint_parts`].
+    ///
+    /// [`ResidualModel::joint_parts`]: super::ResidualModel::joint_parts
+    pub joint_laws: Vec<JointLaws>,
     /// Parameters that change the robot's inertias alone, as [`ResidualModel::inertias`] gives them.
     ///
     /// [`ResidualModel::inertias`]: super::ResidualModel::inertias
@@ -90,7 +104,7 @@ impl ModelDescription {
             parameters,
             candidates: Vec::new(),
             candidate_channels: Vec::new(),
-            additive: Vec::new(),
+            joint_laws: Vec::new(),
             inertial: Vec::new(),
             inertial_unless: Vec::new(),
             law_terms: Vec::new(),

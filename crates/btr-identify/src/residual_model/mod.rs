@@ -15,7 +15,7 @@ mod request;
 
 pub use btr_core::world::TimeStep;
 pub use candidate::{CandidateKind, EffectCandidate, LawTerm, Needs, Ripple};
-pub use description::{AdditiveParameter, ModelDescription, NOISE};
+pub use description::{JointLaws, ModelDescription, NOISE, ProportionalParameter};
 pub use log::{LogStart, MeasuredChannel, RecordedLog, StartNumber};
 pub use parameter::{FitParameter, Parametrisation};
 pub use request::{Derivation, MovedStart, ResidualRequest};
@@ -32,6 +32,13 @@ pub trait ResidualModel: Send + Sync {
     ///
     /// A simulation that diverges, or that cannot be set up, gives an error in its place.
     fn residuals(&self, requests: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>>;
+
+    /// The part of each residual that what acts in the joints contributes, where the motion is prescribed
+    /// ([`ModelDescription::joint_laws`]); 0 in channels where nothing acts.
+    fn joint_parts(&self, requests: &[ResidualRequest], _step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
+        let without = || WorldError::Setup { what: "the model has no laws of joints".to_owned() };
+        requests.iter().map(|_| Err(without())).collect()
+    }
 
     /// The numbers that the residual in a log is a linear function of, plus a constant, while no other parameters than
     /// those of [`ModelDescription::inertial`] differ from 0: what the links of a robot weigh, where its motion is

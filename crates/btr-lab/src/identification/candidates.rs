@@ -23,7 +23,8 @@ impl IdentificationProblem {
         self.offer_values(laws, without);
         let prescribed = self.model.robot.is_prescribed();
         let offered = |effect: &&dyn Effect| {
-            !without.contains(&effect.spec().name) && (prescribed || !effect.is_for_prescribed_motion())
+            let shows = if prescribed { !effect.is_of_motor() } else { !effect.is_for_prescribed_motion() };
+            shows && !without.contains(&effect.spec().name)
         };
         for effect in EFFECTS.iter().copied().filter(offered) {
             for site in sites(effect, &self.model) {

@@ -40,10 +40,11 @@ pub trait Drive: Send + Sync {
         self.command(start_s, command);
     }
 
-    /// The prescribed motion of a joint (counted as in `command`) at `time_s`; `None` where only references are known.
-    fn motion(&self, joint: usize, time_s: f64) -> Option<Motion> {
-        let _ = (joint, time_s);
-        None
+    /// Writes the prescribed motion of each joint (counted as in `command`) at `time_s`; `None` where only references
+    /// are known.
+    fn motions(&self, time_s: f64, motions: &mut [Option<Motion>]) {
+        let _ = time_s;
+        motions.fill(None);
     }
 
     /// Over how long the readings of prescribed motions are means, in s; 0 where each is of one instant.
@@ -77,8 +78,8 @@ impl<D: Drive + ?Sized> Drive for std::sync::Arc<D> {
         (**self).over(start_s, end_s, command);
     }
 
-    fn motion(&self, joint: usize, time_s: f64) -> Option<Motion> {
-        (**self).motion(joint, time_s)
+    fn motions(&self, time_s: f64, motions: &mut [Option<Motion>]) {
+        (**self).motions(time_s, motions);
     }
 
     fn mean_s(&self) -> f64 {

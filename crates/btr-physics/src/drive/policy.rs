@@ -4,7 +4,6 @@ use super::Drive;
 use crate::engine::Dynamics;
 use crate::robot::site;
 use crate::robot::{Joint, Robot};
-use btr_core::signal::smooth::Motion;
 use btr_core::space::Dim;
 use nalgebra::Vector3;
 
@@ -172,10 +171,6 @@ impl Drive for Policy {
 
     fn over(&self, start_s: f64, end_s: f64, command: &mut [f64]) {
         self.around.over(start_s, end_s, command);
-    }
-
-    fn motion(&self, _joint: usize, _time_s: f64) -> Option<Motion> {
-        None
     }
 
     fn place(&self, robot: &mut Robot) {

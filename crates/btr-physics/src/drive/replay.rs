@@ -112,28 +112,36 @@ fn extrapolated(motion: &Motion, time_s: f64) -> Motion {
     Motion { value: value + time_s * (velocity - 0.5 * time_s * acceleration), velocity, acceleration }
 }
 
+/// The motion between two samples, each with its distance in time: their extrapolations are blended.
+fn blended((before, since_s): (&Motion, f64), (after, until_s): (&Motion, f64)) -> Motion {
+    let (a, b) = (extrapolated(before, since_s), extrapolated(after, -until_s));
+    let share = since_s / (since_s + until_s);
+    let between = |a: f64, b: f64| a + share * (b - a);
+    Motion {
+        value: between(a.value, b.value),
+        velocity: between(a.velocity, b.velocity),
+        acceleration: between(a.acceleration, b.acceleration),
+    }
+}
+
 impl Drive for Replay {
     fn mean_s(&self) -> f64 {
         self.mean_s
     }
 
-    fn motion(&self, joint: usize, time_s: f64) -> Option<Motion> {
-        let motion = self.motions.get(joint)?.as_ref()?;
+    fn motions(&self, time_s: f64, motions: &mut [Option<Motion>]) {
         let i = self.held(time_s);
         let since_s = time_s - self.clock_s[i];
-        if since_s.abs() <= self.rounded_s || i + 1 >= motion.len() {
-            return Some(motion[i]);
+        let until_s = self.clock_s.get(i + 1).map(|next_s| next_s - time_s);
+        let at = |motion: &Vec<Motion>| match (until_s, motion.get(i + 1)) {
+            (Some(until_s), Some(next)) if since_s.abs() > self.rounded_s => {
+                blended((&motion[i], since_s), (next, until_s))
+            }
+            _ => motion[i],
+        };
+        for (to, motion) in motions.iter_mut().zip(&self.motions) {
+            *to = motion.as_ref().map(at);
         }
-        // Between two samples, the extrapolations from both are blended.
-        let until_s = self.clock_s[i + 1] - time_s;
-        let (a, b) = (extrapolated(&motion[i], since_s), extrapolated(&motion[i + 1], -until_s));
-        let share = since_s / (since_s + until_s);
-        let between = |a: f64, b: f64| a + share * (b - a);
-        Some(Motion {
-            value: between(a.value, b.value),
-            velocity: between(a.velocity, b.velocity),
-            acceleration: between(a.acceleration, b.acceleration),
-        })
     }
 
     fn command(&self, time_s: f64, command: &mut [f64]) {
@@ -142,6 +150,9 @@ impl Drive for Replay {
     }
 
     fn over(&self, start_s: f64, end_s: f64, command: &mut [f64]) {
+        if self.commands.iter().all(Option::is_none) {
+            return command.fill(f64::NAN);
+        }
         let (first, last) = (self.held(start_s), self.held(end_s - 2.0 * self.rounded_s));
         if last <= first {
             return self.command(start_s, command);

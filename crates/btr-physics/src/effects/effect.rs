@@ -47,9 +47,9 @@ pub enum DryFriction {
 pub enum TorqueLaw {
     /// On its joints' motion and its own parameters alone, in proportion to those that are no shapes.
     Proportional,
-    /// On its joints' motion and its own parameters alone.
+    /// On its joints' motion, its own parameters, and what else acts in the joint and depends on these alone.
     OfMotion,
-    /// On more, such as the motor's torque or other effects.
+    /// On more, such as the motor's torque.
     Other,
 }
 
@@ -141,6 +141,11 @@ pub trait Effect: Sync {
     /// How many of it a joint may have that the motion can tell apart: ripples of unlike orders.
     fn instances(&self) -> usize {
         1
+    }
+    /// Whether it changes how a motor follows its command or drives its joint: where the motion is prescribed, nothing
+    /// shows of it.
+    fn is_of_motor(&self) -> bool {
+        false
     }
     /// Whether it is for joints whose motion is prescribed.
     fn is_for_prescribed_motion(&self) -> bool {

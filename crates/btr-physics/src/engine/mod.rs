@@ -114,6 +114,17 @@ impl Dof {
         let (dry_friction, armature) = (joint.dry_friction, joint.armature);
         Dof { torque, dry_friction, armature, ..Dof::default() }
     }
+
+    /// The torque that a prescribed motion requires at the beginning of a step, where the links alone require `links`.
+    pub(crate) fn required(&self, motion: &PrescribedMotion, links: f64) -> f64 {
+        let Motion { value: q, velocity: dq, acceleration } = motion.from;
+        // A rigid hold can be anything up to friction's torque: zero is the smallest.
+        let friction = match self.creep.rate > 0.0 {
+            true => self.creep.torque(dq, acceleration, self.dry_friction),
+            false => -self.dry_friction * mean_sign(dq, acceleration, motion.mean_s),
+        };
+        links + self.armature * acceleration - friction - self.torque.at(q, dq)
+    }
 }
 
 /// A prescribed motion over one step.

@@ -34,6 +34,7 @@ impl Model {
     pub fn simulate_all(&self, requests: Vec<ModelRequest>) -> Vec<Result<Log, WorldError>> {
         let mut hooks = Vec::with_capacity(requests.len());
         let mut inputs = Vec::with_capacity(requests.len());
+        self.rollouts.fetch_add(requests.len() as u64, Ordering::Relaxed);
         for request in requests {
             inputs.push(self.inputs(&request));
             hooks.push(request.hook);
@@ -47,6 +48,17 @@ impl Model {
             Ok(log)
         };
         inputs.iter().map(finish).collect()
+    }
+
+    /// The torques of what acts in the joints of a rollout whose motion is prescribed; see [`rollout::joint_torques`].
+    ///
+    /// # Errors
+    /// As for [`simulate`](Self::simulate).
+    pub fn joint_torques(&self, request: &ModelRequest) -> Result<Log, WorldError> {
+        let inputs = self.inputs(request)?;
+        let mut log = rollout::joint_torques(inputs.rollout(None))?;
+        self.smooth_required_torques(&mut log, inputs.scenario);
+        Ok(log)
     }
 
     /// The same for jobs of a search, on all threads: consecutive jobs of one scenario are simulated in one batch.
@@ -86,7 +98,6 @@ impl Model {
         let c = request.controller.unwrap_or(&nominal);
         self.simulations.check(s)?;
         self.drive.space().check(c)?;
-        self.rollouts.fetch_add(1, Ordering::Relaxed);
         let (mut robot, mut effects, mut setup) = self.in_scenario(scenario, s, values);
         effects.extend_from_slice(further);
         if scenario.replay.is_some() {

@@ -10,6 +10,7 @@ use crate::engine::carried_inertia;
 use crate::engine::{Affine, Dynamics, PrescribedMotion};
 use crate::robot::{Link, Robot};
 use crate::setup::Setup;
+use btr_core::signal::smooth::Motion;
 use btr_core::world::WorldError;
 
 /// The control path of a rollout.
@@ -29,6 +30,8 @@ pub(crate) struct Control<'a> {
     states: Vec<(f64, f64)>,
     /// The motions of prescribed joints over the step.
     motions: Vec<Option<PrescribedMotion>>,
+    /// All joints' motions at the beginning and at the end of the step.
+    ends: [Vec<Option<Motion>>; 2],
     neighbours: NeighbourTracker,
 }
 
@@ -67,6 +70,7 @@ impl<'a> Control<'a> {
         let prescribed_torques = if prescribed { vec![f64::NAN; joints.len()] } else { Vec::new() };
         let (dt_s, begins_s) = (setup.dt_s, setup.begins_s);
         let (states, motions) = (Vec::with_capacity(joints.len()), Vec::with_capacity(joints.len()));
+        let ends = [vec![None; joints.len()], vec![None; joints.len()]];
         let neighbours = NeighbourTracker::new(robot, effects)?;
         Ok(Control {
             reference,
@@ -78,6 +82,7 @@ impl<'a> Control<'a> {
             prescribed_torques,
             states,
             motions,
+            ends,
             neighbours,
         })
     }
@@ -156,11 +161,19 @@ impl<'a> Control<'a> {
     /// Updates the joints' states: those of prescribed joints are their motion's, also in the first step, whose start
     /// velocity is not exactly theirs.
     fn follow(&mut self, time_s: f64, engine: &dyn Dynamics) {
-        let motion = |(i, joint): (usize, &JointControl)| {
-            if joint.motor.is_prescribed() { self.reference.prescribed(i, time_s, self.dt_s) } else { None }
+        if self.has_prescribed() {
+            let [from, to] = &mut self.ends;
+            self.reference.drive.motions(time_s, from);
+            self.reference.drive.motions(time_s + self.dt_s, to);
+        }
+        let mean_s = self.reference.drive.mean_s();
+        let motion = |(joint, (from, to)): (&JointControl, (&Option<Motion>, &Option<Motion>))| {
+            let motion = PrescribedMotion { from: (*from)?, to: (*to)?, mean_s };
+            joint.motor.is_prescribed().then_some(motion)
         };
+        let [from, to] = &self.ends;
         self.motions.clear();
-        self.motions.extend(self.joints.iter().enumerate().map(motion));
+        self.motions.extend(self.joints.iter().zip(from.iter().zip(to)).map(motion));
         let exactly = engine.supports_prescribed();
         let states = engine.positions().iter().copied().zip(engine.velocities().iter().copied());
         let state = |(state, motion): ((f64, f64), &Option<PrescribedMotion>)| {
@@ -248,12 +261,6 @@ impl<'a> ReferenceTracker<'a> {
         if self.drive.senses() {
             self.drive.react(start_s, engine, &mut self.next);
         }
-    }
-
-    /// The prescribed motion of joint `i` in the step that begins at `time_s`.
-    fn prescribed(&self, i: usize, time_s: f64, dt_s: f64) -> Option<PrescribedMotion> {
-        let (from, to) = (self.drive.motion(i, time_s)?, self.drive.motion(i, time_s + dt_s)?);
-        Some(PrescribedMotion { from, to, mean_s: self.drive.mean_s() })
     }
 
     /// Fraction of the control period since the previous tick.

@@ -57,6 +57,11 @@ impl JointControl {
         }
     }
 
+    /// Whether anything but its motor acts in it.
+    pub(super) fn acts(&self) -> bool {
+        !self.instances.is_empty() || self.passive != Dof::default()
+    }
+
     pub(super) fn place(&mut self, placed: &PlacedEffect, dt_s: f64) {
         placed.effect.joint(&placed.values, &mut self.passive);
         let memory = vec![0.0; placed.effect.memory(&placed.values, dt_s)];

@@ -1,6 +1,7 @@
 //! The simulation loop: from a robot, its drive and its setup to a log.
 //!
-//! A [`RolloutRequest`] describes a rollout; [`simulate`] runs one and [`simulate_all`] many.
+//! A [`RolloutRequest`] describes a rollout; [`simulate`] runs one and [`simulate_all`] many. [`joint_torques()`]
+//! computes what acts in the joints of a prescribed motion.
 //!
 //! - The same request gives the same bits, on any thread and in any batch.
 //! - Candidates for one robot are simulated in batches, one per SIMD lane (8 with AVX-512, 4 with AVX2, detected at run
@@ -11,6 +12,7 @@
 mod batch;
 mod control;
 mod joint_control;
+mod joint_torques;
 mod neighbours;
 mod prepare;
 mod prepared;
@@ -19,6 +21,7 @@ mod request;
 pub mod restart;
 
 pub use batch::lanes;
+pub use joint_torques::joint_torques;
 pub(crate) use prepare::apply_static_effects;
 pub use request::{RolloutRequest, StateHook};
 

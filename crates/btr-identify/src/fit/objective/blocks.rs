@@ -18,8 +18,9 @@ impl OwnChannels {
         let candidates = description.candidates.iter().zip(&description.candidate_channels);
         let of_candidates = candidates.flat_map(|(candidate, near)| candidate.parameters().map(move |k| (k, near)));
         let laws = description.law_terms.iter().flat_map(|law| law.term.parameters().map(|k| (k, &law.channels)));
-        let additive = description.additive.iter().map(|additive| (additive.parameter, &additive.channels));
-        let all = of_candidates.chain(laws).chain(additive);
+        let of_joints = description.joint_laws.iter();
+        let in_joints = of_joints.flat_map(|laws| laws.parameters.iter().map(move |&k| (k, &laws.channels)));
+        let all = of_candidates.chain(laws).chain(in_joints);
         OwnChannels(all.filter(|(_, near)| !near.is_empty()).map(|(k, near)| (k, near.clone())).collect())
     }
 

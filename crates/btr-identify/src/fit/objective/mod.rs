@@ -1,13 +1,12 @@
 //! Evaluation of a residual model: many points and logs at once, with a count of rollouts.
 
 pub(super) mod blocks;
-mod inertia;
 mod superposition;
 
 use self::blocks::{Block, OwnChannels};
 use self::superposition::{Problem, Superposition};
 use super::residual_vector::{ResidualVector, squares};
-use super::rollouts::{each, rows_near, shared};
+use super::rollouts::{Answer, each, rows_near, shared};
 use super::start::{MOVED, StartStates, nearest_starts};
 use super::time_step::{extrapolation, finer_step};
 use crate::residual_model::{
@@ -125,7 +124,7 @@ impl<'a> Objective<'a> {
         let (starts, rollouts) = StartStates::at(model, &description, u);
         Objective {
             model,
-            superposition: Superposition::new(&description),
+            superposition: Superposition::default(),
             own_channels: OwnChannels::new(&description),
             description,
             learn,
@@ -200,7 +199,7 @@ impl<'a> Objective<'a> {
         let finer = finer_step(self.step, once(learn).chain(once_with(|| held_out(self))));
         if let Some(finer) = finer {
             // What was simulated in longer steps counts no more.
-            (self.step, self.superposition) = (finer, Superposition::new(&self.description));
+            (self.step, self.superposition) = (finer, Superposition::default());
         }
         finer.is_some()
     }
@@ -255,7 +254,7 @@ impl<'a> Objective<'a> {
         }
         let of_log = |&log: &usize| points.iter().map(move |u| (u.as_slice(), log));
         let requests: Vec<(&[f64], usize)> = which.iter().flat_map(of_log).collect();
-        let parts = if self.superposition.is_empty() || step != self.step() {
+        let parts = if self.description.joint_laws.is_empty() || step != self.step() {
             self.simulated(&requests, step, &|log, residual| self.known(log, residual))
         } else {
             self.added_up(&requests)
@@ -279,19 +278,31 @@ impl<'a> Objective<'a> {
         step: TimeStep,
         convert: &(dyn Fn(usize, Result<Vec<f64>, WorldError>) -> T + Sync),
     ) -> Vec<T> {
+        self.rollouts.fetch_add(points.len(), Ordering::Relaxed);
+        self.each(points, &|requests| self.model.residuals(requests, step), convert)
+    }
+
+    /// Applies `simulate` to requests in batches, and `convert` to each log and residual.
+    fn each<T: Send>(
+        &self,
+        points: &[(&[f64], usize)],
+        simulate: &Answer,
+        convert: &(dyn Fn(usize, Result<Vec<f64>, WorldError>) -> T + Sync),
+    ) -> Vec<T> {
         let requests: Vec<ResidualRequest> = points.iter().map(|(u, log)| ResidualRequest::of(u, *log)).collect();
-        self.rollouts.fetch_add(requests.len(), Ordering::Relaxed);
-        each(self.model, self.description.batch_size, &requests, step, convert)
+        each(self.description.batch_size, &requests, simulate, convert)
     }
 
     /// Residuals at points in logs, where most are sums of what is known.
     fn added_up(&self, points: &[(&[f64], usize)]) -> Vec<Result<ResidualVector, WorldError>> {
-        let simulate = |points: &[(Vec<f64>, usize)]| {
-            let points: Vec<(&[f64], usize)> = points.iter().map(|(u, log)| (u.as_slice(), *log)).collect();
-            self.simulated(&points, self.step(), &|_, residual| residual)
+        let joint_parts = |requests: &[ResidualRequest]| self.model.joint_parts(requests, self.step());
+        let problem = Problem {
+            model: self.model,
+            description: &self.description,
+            simulate: &|points| self.simulated(&borrowed(points), self.step(), &|_, residual| residual),
+            joint_parts: &|points| self.each(&borrowed(points), &joint_parts, &|_, residual| residual),
         };
-        let problem = Problem { model: self.model, description: &self.description };
-        let residuals = self.superposition.residuals(problem, points, &simulate);
+        let residuals = self.superposition.residuals(problem, points);
         points.iter().zip(residuals).map(|((_, log), residual)| self.known(*log, residual)).collect()
     }
 
@@ -352,6 +363,11 @@ impl<'a> Objective<'a> {
         let beyond = extrapolation(self.description.order);
         halved.iter().zip(usual).map(|(h, r)| (beyond * (h - r)).clamp(-WORST_STEP_ERROR, WORST_STEP_ERROR)).collect()
     }
+}
+
+/// Points in logs, borrowed.
+fn borrowed(points: &[(Vec<f64>, usize)]) -> Vec<(&[f64], usize)> {
+    points.iter().map(|(u, log)| (u.as_slice(), *log)).collect()
 }
 
 #[cfg(test)]

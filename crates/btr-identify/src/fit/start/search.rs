@@ -84,7 +84,8 @@ impl StartSearch<'_> {
             moved.iter().map(|by| ResidualRequest { u, log, moved: by.as_slice() }).collect();
         let or_zero = |r: &f64| if r.is_finite() { *r } else { 0.0 };
         let known = |residual: Vec<f64>| DVector::from_iterator(residual.len(), residual.iter().map(or_zero));
-        each(self.model, self.batch_size, &requests, TimeStep::USUAL, &|_, residual| residual.ok().map(known))
+        let simulate = |requests: &[ResidualRequest]| self.model.residuals(requests, TimeStep::USUAL);
+        each(self.batch_size, &requests, &simulate, &|_, residual| residual.ok().map(known))
     }
 
     fn residual(&self, by: &DVector<f64>) -> Option<DVector<f64>> {

@@ -58,7 +58,8 @@ impl StartStates {
         let rollouts: Vec<NudgedRollout> = logs.flat_map(rollouts).collect();
         let requests: Vec<ResidualRequest> =
             rollouts.iter().map(|rollout| ResidualRequest { u, log: rollout.log, moved: &rollout.moved }).collect();
-        let residuals = each(model, description.batch_size, &requests, TimeStep::USUAL, &|_, residual| residual.ok());
+        let simulate = |requests: &[ResidualRequest]| model.residuals(requests, TimeStep::USUAL);
+        let residuals = each(description.batch_size, &requests, &simulate, &|_, residual| residual.ok());
         let windows = |log: usize| {
             let of_log = || rollouts.iter().zip(&residuals).filter(move |(rollout, _)| rollout.log == log);
             let Some(usual) = of_log().next().and_then(|(_, usual)| usual.as_ref()) else { return Vec::new() };

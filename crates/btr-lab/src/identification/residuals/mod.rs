@@ -1,6 +1,6 @@
 //! Residuals of the identification problem: measured minus simulated, at any point and from any start state.
 
-mod additive;
+mod joint_laws;
 
 use crate::identification::contact::noise_floor;
 use crate::identification::problem::IdentificationProblem;
@@ -30,7 +30,7 @@ impl ResidualModel for IdentificationProblem {
             free: self.free.clone(),
             candidates: self.candidates.clone(),
             candidate_channels: self.near.clone(),
-            additive: self.additive(),
+            joint_laws: self.joint_laws(),
             inertial: self.inertial(),
             inertial_unless: self.inertial_unless(),
             law_terms: self.features.clone(),
@@ -55,9 +55,18 @@ impl ResidualModel for IdentificationProblem {
         let point = |of: &ResidualRequest| (self.at(of.u), self.begun_from(of.log, of.moved));
         let points: Vec<(ModelPoint, Cow<Scenario>)> = requests.iter().map(point).collect();
         let points: Vec<ModelRequest> =
-            points.iter().map(|(point, situation)| point.request(situation).time_step(step)).collect();
+            points.iter().map(|(point, scenario)| point.request(scenario).time_step(step)).collect();
         let simulated = self.model.simulate_all(points);
         requests.iter().zip(simulated).map(|(of, simulated)| self.against(of.log, &simulated?)).collect()
+    }
+
+    fn joint_parts(&self, requests: &[ResidualRequest], step: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
+        let part = |of: &ResidualRequest| {
+            let scenario = self.begun_from(of.log, of.moved);
+            let torques = self.model.joint_torques(&self.at(of.u).request(&scenario).time_step(step))?;
+            Ok(self.contributed(of.log, &torques))
+        };
+        requests.iter().map(part).collect()
     }
 
     fn inertias(&self, u: &[f64], log: usize) -> Option<Vec<f64>> {
@@ -242,5 +251,18 @@ impl IdentificationProblem {
             residual.extend(pairs.map(error));
         }
         Ok(residual)
+    }
+
+    /// What torques at joints contribute to the residual of a log.
+    fn contributed(&self, log: usize, torques: &Log) -> Vec<f64> {
+        let recorded = &self.recorded[self.parts[log].scenario];
+        let of_channel = |channel: &MeasuredChannel| match torques.channel(&channel.name) {
+            Some(torque) => {
+                let predicted = interpolate(torques.clock_s(), &torque.values, recorded.clock_s());
+                predicted.iter().map(|torque| -torque / channel.sigma).collect()
+            }
+            None => vec![0.0; channel.samples.len()],
+        };
+        self.logs[log].channels.iter().flat_map(of_channel).collect()
     }
 }

@@ -25,6 +25,10 @@ impl Effect for CommandDeadband {
         &SPEC
     }
 
+    fn is_of_motor(&self) -> bool {
+        true
+    }
+
     fn command(&self, p: &[f64], _memory: &mut [f64], state: &JointInput) -> f64 {
         let error = state.command - state.q;
         // A motor that is switched off (NaN) stays off.

@@ -31,6 +31,10 @@ impl Effect for CommandDelay {
         &SPEC
     }
 
+    fn is_of_motor(&self) -> bool {
+        true
+    }
+
     fn is_common(&self) -> bool {
         true
     }

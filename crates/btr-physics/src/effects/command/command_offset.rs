@@ -25,6 +25,10 @@ impl Effect for CommandOffset {
         &SPEC
     }
 
+    fn is_of_motor(&self) -> bool {
+        true
+    }
+
     fn command(&self, p: &[f64], _memory: &mut [f64], state: &JointInput) -> f64 {
         state.command + p[0]
     }

@@ -23,6 +23,10 @@ impl Effect for CommandRateLimit {
         &SPEC
     }
 
+    fn is_of_motor(&self) -> bool {
+        true
+    }
+
     fn is_common(&self) -> bool {
         true
     }

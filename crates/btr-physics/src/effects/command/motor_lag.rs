@@ -26,6 +26,10 @@ impl Effect for MotorLag {
         &SPEC
     }
 
+    fn is_of_motor(&self) -> bool {
+        true
+    }
+
     fn is_common(&self) -> bool {
         true
     }

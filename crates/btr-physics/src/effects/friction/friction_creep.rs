@@ -5,7 +5,7 @@
 //! It acts on all dry friction of the joint, whichever effects it comes from. MuJoCo's dry friction with default
 //! settings has the time constant 9.5 ms, and creeps at 1.06 ms over the joint's inertia.
 
-use crate::effects::effect::{DryFriction, Effect, EffectSpec, Param, SiteKind};
+use crate::effects::effect::{DryFriction, Effect, EffectSpec, Param, SiteKind, TorqueLaw};
 use crate::engine::{Creep, Dof};
 
 pub(in crate::effects) struct FrictionCreep;
@@ -28,6 +28,10 @@ static SPEC: EffectSpec = EffectSpec {
 impl Effect for FrictionCreep {
     fn spec(&self) -> &'static EffectSpec {
         &SPEC
+    }
+
+    fn torque_law(&self) -> TorqueLaw {
+        TorqueLaw::OfMotion
     }
 
     fn dry_friction(&self) -> DryFriction {

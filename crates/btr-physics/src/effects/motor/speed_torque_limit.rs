@@ -24,6 +24,10 @@ impl Effect for SpeedTorqueLimit {
         &SPEC
     }
 
+    fn is_of_motor(&self) -> bool {
+        true
+    }
+
     fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, _state: &JointInput) {
         motor.limit_to_line(p[0], p[1]);
     }

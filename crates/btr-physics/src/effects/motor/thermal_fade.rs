@@ -25,6 +25,10 @@ impl Effect for ThermalFade {
         &SPEC
     }
 
+    fn is_of_motor(&self) -> bool {
+        true
+    }
+
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
         1
     }

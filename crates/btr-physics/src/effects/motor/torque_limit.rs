@@ -22,6 +22,10 @@ impl Effect for TorqueLimit {
         &SPEC
     }
 
+    fn is_of_motor(&self) -> bool {
+        true
+    }
+
     fn is_common(&self) -> bool {
         true
     }

@@ -24,6 +24,10 @@ impl Effect for VoltageSag {
         &SPEC
     }
 
+    fn is_of_motor(&self) -> bool {
+        true
+    }
+
     fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, state: &JointInput) {
         motor.scale(1.0 / (1.0 + p[0] * state.load));
     }

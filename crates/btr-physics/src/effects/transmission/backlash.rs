@@ -42,6 +42,10 @@ impl Effect for Backlash {
         &SPEC
     }
 
+    fn is_of_motor(&self) -> bool {
+        true
+    }
+
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
         rotor::MEMORY
     }

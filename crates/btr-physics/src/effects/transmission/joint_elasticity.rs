@@ -32,6 +32,10 @@ impl Effect for JointElasticity {
         &SPEC
     }
 
+    fn is_of_motor(&self) -> bool {
+        true
+    }
+
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
         rotor::MEMORY
     }

@@ -4,7 +4,7 @@
 
 use super::linear_algebra::lanes::Lanes;
 use super::state::Articulated;
-use crate::engine::{Creep, mean_sign};
+use crate::engine::{Affine, Creep, Dof};
 use pulp::{NullaryFnOnce, Simd};
 
 /// The torques that prescribed joints require, compiled for the engine's instruction set.
@@ -90,17 +90,15 @@ impl<S: Simd> Articulated<S> {
             let (inner, lane) = (&self.inner[i], self.lane);
             let [constant, stiffness, damping] =
                 [inner.constant, inner.stiffness, inner.damping].map(|lanes| lanes.lane(lane));
-            let (q, dq) = (motion.from.value, motion.from.velocity);
-            let inertial = s.bias_forces[i].lane(lane) + inner.armature.lane(lane) * motion.from.acceleration;
             let [rate, time_s] = inner.creep.map(|lanes| lanes.lane(lane));
-            // A rigid hold can be anything up to friction's torque: zero is the smallest.
-            let creep = if rate > 0.0 { Creep { rate, time_s } } else { Creep::default() };
-            let (limit, acceleration) = (inner.dry_friction.lane(lane), motion.from.acceleration);
-            let friction = match rate > 0.0 {
-                true => creep.torque(dq, acceleration, limit),
-                false => -limit * mean_sign(dq, acceleration, motion.mean_s),
+            let dof = Dof {
+                torque: Affine { constant, stiffness, damping },
+                dry_friction: inner.dry_friction.lane(lane),
+                creep: Creep { rate, time_s },
+                armature: inner.armature.lane(lane),
+                ..Dof::default()
             };
-            *torque = inertial - friction - (constant - stiffness * q - damping * dq);
+            *torque = dof.required(motion, s.bias_forces[i].lane(lane));
         }
     }
 }

@@ -1,12 +1,11 @@
-//! Parameters that only add a torque to that of a prescribed motion.
+//! What acts in the joints of a prescribed motion: torques that are added to what the links require.
 
 use crate::identification::problem::{Change, IdentificationProblem};
-use btr_identify::residual_model::{AdditiveParameter, Parametrisation};
-use btr_physics::effects::{Effect, FormulaTarget, SiteKind, TorqueLaw};
+use btr_identify::residual_model::{JointLaws, Parametrisation, ProportionalParameter};
+use btr_physics::effects::{DryFriction, Effect, FormulaTarget, SiteKind, TorqueLaw};
 use btr_physics::model::parameter::Target;
 use btr_physics::robot::Joint;
 use btr_physics::robot::site::matches;
-use std::sync::Arc;
 
 /// Parameters of one placed effect: those that it is proportional to, and its shapes.
 struct Group {
@@ -16,15 +15,16 @@ struct Group {
 }
 
 impl IdentificationProblem {
-    /// The parameters to which the torques of a prescribed motion are proportional: those of frictions, rotors, springs
-    /// and ripples at one joint, and of laws. None at a joint with an effect that depends on the torque.
-    pub(super) fn additive(&self) -> Vec<AdditiveParameter> {
+    /// What acts in the joints of a prescribed motion, joint by joint: frictions, rotors, springs, ripples and laws.
+    /// None where an effect of the model depends on the torque of a neighbour, nor at a joint with an effect that
+    /// depends on its own.
+    pub(super) fn joint_laws(&self) -> Vec<JointLaws> {
         if !self.model.robot.is_prescribed() || self.model.effects.iter().any(|placed| reads_torques(placed.effect)) {
             return Vec::new();
         }
         let everywhere = self.acting_everywhere();
         let joints = self.model.robot.movable().map(|(link, of)| (link, &of.joint));
-        joints.flat_map(|(link, joint)| self.additive_at(link, joint, &everywhere)).collect()
+        joints.filter_map(|(link, joint)| self.laws_at(link, joint, &everywhere)).collect()
     }
 
     /// The parameters that change the inertias of links and nothing else, where the motion is prescribed.
@@ -54,31 +54,33 @@ impl IdentificationProblem {
         (0..self.parameters.len()).filter(other).collect()
     }
 
-    fn additive_at(&self, link: usize, joint: &Joint, everywhere: &[usize]) -> Vec<AdditiveParameter> {
-        let depends = |effect: &dyn Effect| effect.torque_law() == TorqueLaw::Other && !effect.changes_readings();
+    fn laws_at(&self, link: usize, joint: &Joint, everywhere: &[usize]) -> Option<JointLaws> {
         let on_joints = self.model.effects.iter().filter(|placed| placed.effect.spec().site.is_on_joints());
-        if on_joints.filter(|placed| matches(&placed.site, &joint.name)).any(|placed| depends(placed.effect)) {
-            return Vec::new();
+        let here: Vec<&dyn Effect> =
+            on_joints.filter(|placed| matches(&placed.site, &joint.name)).map(|placed| placed.effect).collect();
+        let depends = |effect: &&dyn Effect| effect.torque_law() == TorqueLaw::Other && !effect.changes_readings();
+        if here.iter().any(depends) {
+            return None;
         }
+        let changed = here.iter().any(|effect| effect.dry_friction() == DryFriction::Changes);
         let channels = vec![joint.compared()];
-        let groups = self.groups(link, &channels);
-        let others = groups.iter().filter(|group| group.law == TorqueLaw::Other).flat_map(|group| &group.amplitudes);
-        let unless: Arc<[usize]> = everywhere.iter().chain(others).copied().collect();
-        let proportional = groups.iter().filter(|group| group.law == TorqueLaw::Proportional);
-        let additive = |group: &Group| {
-            let linear = |k: &&usize| self.parameters[**k].law == Parametrisation::Linear;
-            if group.amplitudes.iter().any(|k| !linear(&k)) {
-                return Vec::new();
-            }
-            let of = |&parameter: &usize| AdditiveParameter {
-                parameter,
-                shapes: group.shapes.clone(),
-                channels: channels.clone(),
-                unless: unless.clone(),
-            };
-            group.amplitudes.iter().map(of).collect()
+        let (others, laws): (Vec<Group>, Vec<Group>) =
+            self.groups(link, &channels).into_iter().partition(|group| group.law == TorqueLaw::Other);
+        let linear =
+            |group: &Group| group.amplitudes.iter().all(|&k| self.parameters[k].law == Parametrisation::Linear);
+        let (alone, together): (Vec<&Group>, Vec<&Group>) =
+            laws.iter().partition(|group| group.law == TorqueLaw::Proportional && linear(group) && !changed);
+        let proportional = |group: &&Group| {
+            let of = |&parameter: &usize| ProportionalParameter { parameter, shapes: group.shapes.clone() };
+            group.amplitudes.iter().map(of).collect::<Vec<_>>()
         };
-        proportional.flat_map(additive).collect()
+        Some(JointLaws {
+            channels,
+            proportional: alone.iter().flat_map(proportional).collect(),
+            together: together.iter().flat_map(|group| &group.amplitudes).copied().collect(),
+            unless: everywhere.iter().chain(others.iter().flat_map(|group| &group.amplitudes)).copied().collect(),
+            parameters: laws.iter().flat_map(|group| group.amplitudes.iter().chain(&group.shapes)).copied().collect(),
+        })
     }
 
     /// Everything that may act at one joint alone.

@@ -1,0 +1,126 @@
+//! What acts in the joints along a prescribed motion, without the links.
+
+use super::joint_control::JointControl;
+use super::neighbours::NeighbourTracker;
+use super::prepare::apply_static_effects;
+use super::request::RolloutRequest;
+use crate::actuation::JointInput;
+use crate::drive::Drive;
+use crate::effects;
+use crate::engine::{PrescribedMotion, carried_inertia};
+use crate::robot::Joint;
+use crate::setup::Setup;
+use btr_core::log::{Log, Role};
+use btr_core::signal::smooth::Motion;
+use btr_core::world::WorldError;
+
+/// The torques in N·m (forces in N) that a prescribed motion requires of links that weigh nothing: friction, springs,
+/// rotors and laws at the joints, as channels `tau_<joint>` on the clock of [`simulate`](super::simulate). Joints in
+/// which nothing acts have no channel. Effects must depend on the motion alone; what they do to readings is left out.
+///
+/// This takes a fraction of the time of a simulation, whose torques are these and those of the links.
+///
+/// # Errors
+/// As for [`simulate`](super::simulate).
+pub fn joint_torques(request: RolloutRequest) -> Result<Log, WorldError> {
+    let RolloutRequest { robot, drive, effects, setup, .. } = request;
+    let (samples, steps_per_sample) = setup.samples()?;
+    let placed = effects::in_force(effects)?;
+    let (robot, setup) = apply_static_effects(robot, &placed, setup)?;
+    let mut joints: Vec<(&Joint, JointControl, Vec<f64>)> = robot
+        .movable()
+        .zip(carried_inertia(&robot))
+        .map(|((_, link), inertia)| (&link.joint, JointControl::new(&link.joint, inertia, &setup), Vec::new()))
+        .collect();
+    for placed in &placed {
+        for joint in placed.joints(&robot)? {
+            joints[joint].1.place(placed, setup.dt_s);
+        }
+    }
+    let mut motions = MotionTracker::new(drive, &setup, joints.len());
+    let mut neighbours = NeighbourTracker::new(&robot, &placed)?;
+    let rest_steps = (setup.rest_s / setup.dt_s).round() as usize;
+    for step in 0..=rest_steps + (samples - 1) * steps_per_sample {
+        let since_start = step as f64 - rest_steps as f64;
+        motions.advance(since_start * setup.dt_s);
+        neighbours.update(&motions.states, |_, _| f64::NAN, |joint, _| motions.acceleration(joint));
+        let is_sample = step >= rest_steps && (step - rest_steps).is_multiple_of(steps_per_sample);
+        for (i, (_, control, torques)) in joints.iter_mut().enumerate().filter(|(_, (_, control, _))| control.acts()) {
+            let Some((motion, input)) = motions.of(i) else { continue };
+            let input = JointInput { inertia: control.inertia, neighbours: neighbours.of(i), ..input };
+            let torque = control.follow_prescribed(motion, &input).required(&motion, 0.0);
+            if is_sample {
+                torques.push(torque);
+            }
+        }
+    }
+    let sample_s = setup.dt_s * steps_per_sample as f64;
+    let mut log = Log::new((0..samples).map(|i| i as f64 * sample_s).collect())?;
+    for (joint, _, torques) in joints.into_iter().filter(|(.., torques)| !torques.is_empty()) {
+        log.insert(format!("tau_{}", joint.name), joint.torque_unit(), Role::Measured, torques)?;
+    }
+    Ok(log)
+}
+
+/// The joints' motions, step by step.
+struct MotionTracker<'a> {
+    drive: &'a dyn Drive,
+    dt_s: f64,
+    /// Start time on the clock of time-dependent laws.
+    begins_s: f64,
+    time_s: f64,
+    motions: Vec<Option<Motion>>,
+    /// Positions and velocities.
+    states: Vec<(f64, f64)>,
+    /// Mean accelerations over the last step.
+    accelerations: Vec<f64>,
+}
+
+impl<'a> MotionTracker<'a> {
+    fn new(drive: &'a dyn Drive, setup: &Setup, joints: usize) -> Self {
+        MotionTracker {
+            drive,
+            dt_s: setup.dt_s,
+            begins_s: setup.begins_s,
+            time_s: 0.0,
+            motions: vec![None; joints],
+            states: vec![(0.0, f64::NAN); joints],
+            accelerations: vec![0.0; joints],
+        }
+    }
+
+    fn advance(&mut self, time_s: f64) {
+        self.time_s = time_s;
+        self.drive.motions(time_s, &mut self.motions);
+        let joints = self.states.iter_mut().zip(&mut self.accelerations).zip(&self.motions);
+        for (((q, dq), acceleration), motion) in joints {
+            let (to, velocity) = motion.map_or((0.0, 0.0), |motion| (motion.value, motion.velocity));
+            *acceleration = if dq.is_nan() { 0.0 } else { (velocity - *dq) / self.dt_s };
+            (*q, *dq) = (to, velocity);
+        }
+    }
+
+    fn acceleration(&self, joint: usize) -> f64 {
+        self.motions[joint].map_or(0.0, |motion| motion.acceleration)
+    }
+
+    /// The motion of a joint at the beginning of the coming step, and what effects on it read.
+    fn of(&self, joint: usize) -> Option<(PrescribedMotion, JointInput<'static>)> {
+        let (from, mean_s) = (self.motions[joint]?, self.drive.mean_s());
+        let input = JointInput {
+            time_s: self.begins_s + self.time_s,
+            dt_s: self.dt_s,
+            q: from.value,
+            dq: from.velocity,
+            acceleration: self.accelerations[joint],
+            midpoint: true,
+            inertia: 0.0,
+            torque: 0.0,
+            load: 0.0,
+            command: f64::NAN,
+            mean_s,
+            neighbours: None,
+        };
+        Some((PrescribedMotion { from, to: from, mean_s }, input))
+    }
+}
