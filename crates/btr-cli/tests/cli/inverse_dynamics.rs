@@ -174,6 +174,35 @@ fn a_motor_that_turns_with_two_joints_is_named_at_both() {
     assert!(!answer["effects"].to_string().contains("asymmetric"), "{answer}");
 }
 
+/// A wrong sign of a torque is told from everything else. A torque constant that is not the drive's follows from links
+/// that are known; what else could be heavier is not asked here.
+#[test]
+fn a_sign_of_a_torque_is_named_and_its_scale_fitted() {
+    let lab = Lab::new();
+    lab.write("leg.urdf", URDF);
+    lab.write("leg.toml", MODEL);
+    let record_with = |scale: &str| {
+        let scaled = format!("{MODEL}{HIDDEN}\n[[effects]]\neffect = \"torque_scale\"\n{scale}\n");
+        lab.write("truth.toml", &scaled);
+        record(&lab, "learn", 0.0);
+        record(&lab, "held_out", 2.0);
+    };
+    record_with("site = \"knee\"\nerror = -2.0");
+    let answer = lab.json("diagnose leg.toml learn.csv --held-out held_out.csv -q");
+    let effects = answer["effects"].as_array().unwrap();
+    let scale = effects.iter().find(|effect| effect["effect"] == "torque_scale").unwrap();
+    assert_eq!(scale["site"], "knee", "{answer}");
+    let error = scale["parameters"][0]["value"].as_f64().unwrap();
+    assert!((error + 2.0).abs() < 0.05 && effects.len() == 4, "{answer}");
+
+    record_with("site = \"hip\"\nerror = 0.15");
+    let others = "--add viscous_friction@hip --add armature@hip --add coulomb_friction@knee";
+    let fit = lab.json(&format!("fit leg.toml learn.csv --add torque_scale@hip {others} -q"));
+    let parameters = fit["parameters"].as_array().unwrap().iter();
+    let error = parameters.filter(|parameter| parameter["name"] == "torque_scale.error@hip").next_back().unwrap();
+    assert!((error["value"].as_f64().unwrap() - 0.15).abs() < 0.02, "{fit}");
+}
+
 /// The effect and its law as a formula require the same torque.
 #[test]
 fn a_coupling_equals_its_law() {

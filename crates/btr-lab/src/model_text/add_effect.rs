@@ -97,7 +97,7 @@ impl AddError {
             AddError::Unknown { near: Some(near), .. } => near.as_str().into(),
             AddError::Unknown { near: None, .. } => Text::from(Verb::Effects) + " lists them",
             AddError::Site { known, .. } if known.is_empty() => {
-                "it is for joints with a neighbour, all with kind = \"prescribed\"".into()
+                "it is for joints with kind = \"prescribed\"; couplings, for those with a neighbour".into()
             }
             AddError::Site { known, .. } => format!("it can act on: {}", known.join(", ")).into(),
             AddError::Twice { .. } => Text::from("fit it as it is: ") + Verb::Fit,

@@ -365,13 +365,12 @@ impl PlacedEffect {
     fn non_empty(&self, sites: Vec<usize>) -> Result<Vec<usize>, WorldError> {
         if sites.is_empty() {
             let name = self.effect.spec().name;
-            let has_none = if self.effect.is_for_prescribed_motion() {
-                "is for joints with a neighbour whose motion is prescribed, and there is none at"
-            } else {
-                "the robot has no site"
+            let has_none = match (self.effect.is_for_prescribed_motion(), self.effect.neighbours().is_empty()) {
+                (true, false) => " is for joints with a neighbour whose motion is prescribed, and there is none at",
+                (true, true) => " is for joints whose motion is prescribed, and there is none at",
+                (false, _) => ": the robot has no site",
             };
-            let colon = if self.effect.is_for_prescribed_motion() { "" } else { ":" };
-            return Err(setup_error(format!("effect `{name}`{colon} {has_none} `{}`", self.site)));
+            return Err(setup_error(format!("effect `{name}`{has_none} `{}`", self.site)));
         }
         Ok(sites)
     }

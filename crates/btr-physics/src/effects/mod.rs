@@ -74,6 +74,7 @@ effects! {
         encoder_scale::EncoderScale,
         encoder_offset::EncoderOffset,
         encoder_delay::EncoderDelay,
+        torque_scale::TorqueScale,
         imu_bias::ImuBias,
         clock_skew::ClockSkew,
     }
