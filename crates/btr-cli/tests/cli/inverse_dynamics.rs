@@ -198,8 +198,8 @@ fn a_sign_of_a_torque_is_named_and_its_scale_fitted() {
     record_with("site = \"hip\"\nerror = 0.15");
     let others = "--add viscous_friction@hip --add armature@hip --add coulomb_friction@knee";
     let fit = lab.json(&format!("fit leg.toml learn.csv --add torque_scale@hip {others} -q"));
-    let parameters = fit["parameters"].as_array().unwrap().iter();
-    let error = parameters.filter(|parameter| parameter["name"] == "torque_scale.error@hip").next_back().unwrap();
+    let parameters = fit["parameters"].as_array().unwrap();
+    let error = parameters.iter().find(|parameter| parameter["name"] == "torque_scale.error@hip").unwrap();
     assert!((error["value"].as_f64().unwrap() - 0.15).abs() < 0.02, "{fit}");
 }
 
