@@ -1,5 +1,14 @@
 //! The command line of btr, shared by the program and by the command of the Python package.
 
+/// As the standard macros, but that no name in a log or a model can control the terminal.
+macro_rules! println {
+    () => { std::println!() };
+    ($($text:tt)*) => { std::println!("{}", btr_core::text::printable(&std::format!($($text)*))) };
+}
+macro_rules! eprintln {
+    ($($text:tt)*) => { std::eprintln!("{}", btr_core::text::printable(&std::format!($($text)*))) };
+}
+
 mod args;
 mod cmd;
 mod exit;

@@ -15,6 +15,7 @@
 //! - [`coevolve`]: the loop that puts them together
 //! - [`text`]: messages in which every front end names its own commands
 //! - [`random`], [`parallel`]: reproducible random streams, and batches of parallel work
+//! - [`limits`]: how large inputs may be
 //!
 //! # Quick start
 //! A search proposes points of the unit cube and learns from their costs; a [`space::Space`] gives the points their
@@ -67,6 +68,7 @@
 
 pub mod coevolve;
 pub mod distance;
+pub mod limits;
 pub mod log;
 pub mod optimize;
 pub mod parallel;

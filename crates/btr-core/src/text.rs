@@ -80,6 +80,20 @@ pub enum Verb {
     Info,
 }
 
+/// The text without characters that would control a terminal: those are spelt out. Names in logs and models may hold
+/// them. Line breaks and tabs stay.
+pub fn printable(text: &str) -> String {
+    let mut printable = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '\n' | '\t' => printable.push(c),
+            c if c.is_control() => printable.extend(c.escape_default()),
+            c => printable.push(c),
+        }
+    }
+    printable
+}
+
 impl Text {
     /// The text with each mention in the words of a front end.
     pub fn worded(&self, word: impl Fn(&Mention) -> String) -> String {

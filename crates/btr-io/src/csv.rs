@@ -7,7 +7,8 @@
 use super::error::{IoError, Warning};
 use super::mapping::Mapping;
 use super::names::{Meaning, header, seconds_per_unit};
-use super::series::{NamedSeries, assemble};
+use super::series::{NamedSeries, assemble, check_size};
+use btr_core::limits::LONGEST_LINE;
 use btr_core::log::{Log, Role};
 use csv::StringRecord;
 use std::io::{self, Read, Write};
@@ -18,7 +19,8 @@ pub(super) const TIME: [&str; 4] = ["t", "t_s", "time", "time_s"];
 
 /// Reads a log. `path` is used in messages only.
 pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
-    let broken = |e: csv::Error| IoError::Csv { path: path.to_owned(), what: e.to_string() };
+    let broken = |e: csv::Error| broken(path, e);
+    let bytes = Lines { bytes, length: 0 };
     // Cells are trimmed on demand: trimming in csv would allocate a record per row.
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::Headers).flexible(true).from_reader(bytes);
     let mut table = CsvColumns::new(path, reader.headers().map_err(broken)?, mapping)?;
@@ -38,9 +40,39 @@ pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(
             short = Some((line, got));
         } else {
             table.push(line, &row)?;
+            check_size(path, table.clock_s.len(), expected)?;
         }
     }
     table.into_log(mapping, short.map(|(line, _)| Warning::LastLineCut { line }))
+}
+
+/// An error of the file that is read, or of its text.
+fn broken(path: &Path, error: csv::Error) -> IoError {
+    let (path, what) = (path.to_owned(), error.to_string());
+    match error.into_kind() {
+        csv::ErrorKind::Io(source) => IoError::File { path, source },
+        _ => IoError::Csv { path, what },
+    }
+}
+
+/// Bytes whose lines are not too long: a line is kept as a whole.
+struct Lines<R> {
+    bytes: R,
+    /// Length of the present line so far.
+    length: usize,
+}
+
+impl<R: Read> Read for Lines<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.bytes.read(buffer)?;
+        let last = buffer[..count].iter().rposition(|byte| *byte == b'\n');
+        self.length = last.map_or(self.length + count, |end| count - end - 1);
+        if self.length > LONGEST_LINE {
+            let what = format!("a line is longer than {} MB, the most that is read", LONGEST_LINE >> 20);
+            return Err(io::Error::new(io::ErrorKind::InvalidData, what));
+        }
+        Ok(count)
+    }
 }
 
 /// The columns read so far.
@@ -81,6 +113,7 @@ impl<'a> CsvColumns<'a> {
         if let Some(what) = separator(header) {
             return Err(IoError::Separator { path: path.to_owned(), what });
         }
+        check_size(path, 0, header.len())?;
         let mapped = mapping.time.as_deref().and_then(|name| header.iter().position(|h| h == name));
         let time = mapped.or_else(|| TIME.iter().find_map(|name| header.iter().position(|h| h == *name)));
         let time = time.ok_or_else(|| IoError::NoTime {

@@ -2,6 +2,7 @@
 
 use btr_core::log::LogError;
 use btr_core::text::{Mention, Text};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Why a log could not be read or written. `Display` gives the place and the cause, [`IoError::help`] the remedy.
@@ -156,6 +157,14 @@ pub enum IoError {
         /// The file.
         path: PathBuf,
     },
+    /// A recording that is damaged before its first message.
+    #[error("{}: damaged before the first message: {why}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// The reader's message.
+        why: String,
+    },
     /// A recording without joint states.
     #[error("{}: no joint states on `{wanted}`; topics: {}", path.display(), list(topics))]
     NoStates {
@@ -173,6 +182,16 @@ pub enum IoError {
         path: PathBuf,
         /// The channel.
         channel: String,
+    },
+    /// More than a log may hold.
+    #[error("{}: more than {most} {what}, the most that is read", path.display())]
+    TooMany {
+        /// The file.
+        path: PathBuf,
+        /// Of what.
+        what: &'static str,
+        /// The limit.
+        most: usize,
     },
     /// Samples that do not form a log.
     #[error("{}: {source}", path.display())]
@@ -207,7 +226,9 @@ impl IoError {
             | IoError::Csv { .. }
             | IoError::Twice { .. }
             | IoError::NotMcap { .. }
+            | IoError::Damaged { .. }
             | IoError::NoStates { .. }
+            | IoError::TooMany { .. }
             | IoError::Log { .. } => true,
         }
     }
@@ -215,7 +236,11 @@ impl IoError {
     /// What the user can do about the error.
     pub fn help(&self) -> Text {
         match self {
-            IoError::File { .. } => "check the path and the permissions".into(),
+            IoError::File { source, .. } => match source.kind() {
+                ErrorKind::IsADirectory | ErrorKind::InvalidInput => "name a regular file".into(),
+                ErrorKind::InvalidData | ErrorKind::FileTooLarge => "check that it is a log, and not damaged".into(),
+                _ => "check the path and the permissions".into(),
+            },
             IoError::Format { .. } => {
                 let formats = "logs end in .csv, .csv.gz or .mcap; a folder is a LeRobot data set (with #3 behind it: episode 3) or a \
                                ROS 2 bag; a .toml is ";
@@ -249,12 +274,13 @@ impl IoError {
             IoError::Cells { .. } => "repair or remove that line; missing samples are empty cells".into(),
             IoError::Csv { .. } => "save it as UTF-8, with commas between the cells".into(),
             IoError::Twice { .. } => "drop one of the two, or map only one of them in the [channels] table".into(),
-            IoError::NotMcap { .. } => "check that it is an MCAP recording: mcap doctor FILE".into(),
+            IoError::NotMcap { .. } | IoError::Damaged { .. } => "check that it is an MCAP recording: mcap doctor FILE".into(),
             IoError::NoStates { .. } => {
                 "name the topic in the model's [channels.topics] table: states = \"/...\" (sensor_msgs/msg/JointState)"
                     .into()
             }
             IoError::Unwritable { .. } => "write .mcap, which keeps every name as it is".into(),
+            IoError::TooMany { .. } => "leave out columns that are not needed, or cut the log into shorter ones".into(),
             IoError::Log { .. } => "sort the samples by time and give every sensor one value per sample".into(),
         }
     }

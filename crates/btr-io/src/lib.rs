@@ -39,6 +39,7 @@ mod mapping;
 mod mcap;
 mod meta;
 mod names;
+mod regular;
 mod renamed;
 mod series;
 #[cfg(test)]
@@ -50,10 +51,10 @@ pub use mapping::{ForeignName, Mapping, Topics};
 #[cfg(feature = "mcap")]
 pub use mcap::Recording;
 pub use meta::Meta;
+pub use regular::read_text;
 pub use renamed::renamed;
 
 use btr_core::log::Log;
-use std::fs::File;
 use std::path::Path;
 
 /// The formats, by the end of the file's name.
@@ -96,7 +97,7 @@ pub fn read_log(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning>), I
     }
     let path = &bag::file(path)?;
     let format = format(path)?;
-    let file = File::open(path).map_err(|source| IoError::File { path: path.to_owned(), source })?;
+    let file = regular::open(path).map_err(|source| IoError::File { path: path.to_owned(), source })?;
     match format {
         Format::Csv => csv::read(path, file, mapping),
         Format::CsvGz => csv::read(path, flate2::read::MultiGzDecoder::new(file), mapping),

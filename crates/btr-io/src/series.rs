@@ -3,7 +3,9 @@
 use super::error::{IoError, Warning};
 use super::mapping::{Mapping, Switch};
 use super::names::Meaning;
+use btr_core::limits::{MOST_COLUMNS, MOST_VALUES};
 use btr_core::log::Log;
+use indexmap::IndexMap;
 use std::path::Path;
 
 /// One series of a file, under the file's own name for it.
@@ -66,9 +68,23 @@ fn switches(mapping: &Mapping, series: &[NamedSeries]) -> Vec<(usize, usize, Swi
     series.iter().enumerate().flat_map(of).collect()
 }
 
+/// Checks that a log of this size may be kept.
+///
+/// # Errors
+/// [`IoError::TooMany`], with the limit.
+pub(crate) fn check_size(path: &Path, samples: usize, columns: usize) -> Result<(), IoError> {
+    let too_many = |what, most| Err(IoError::TooMany { path: path.to_owned(), what, most });
+    match () {
+        () if columns > MOST_COLUMNS => too_many("columns", MOST_COLUMNS),
+        () if samples.saturating_mul(columns) > MOST_VALUES => too_many("values", MOST_VALUES),
+        () => Ok(()),
+    }
+}
+
 fn check_names(path: &Path, series: &[NamedSeries]) -> Result<(), IoError> {
-    for (i, second) in series.iter().enumerate() {
-        if let Some(first) = series[..i].iter().find(|s| s.meaning.name == second.meaning.name) {
+    let mut known: IndexMap<&str, &NamedSeries> = IndexMap::with_capacity(series.len());
+    for second in series {
+        if let Some(first) = known.insert(&second.meaning.name, second) {
             return Err(IoError::Twice {
                 path: path.to_owned(),
                 channel: second.meaning.name.clone(),

@@ -6,6 +6,7 @@ use crate::model_text::AddError;
 use btr_core::text::{Mention, Text};
 use btr_core::world::WorldError;
 use btr_identify::quality::Topic;
+use std::path::Path;
 
 /// A simulation that diverges sooner than this, in s, was wrong from the beginning.
 const AT_ONCE_S: f64 = 0.2;
@@ -75,6 +76,12 @@ impl Failure {
         Failure::new("simulation", error.to_string(), help)
     }
 
+    /// The same failure, with the model's file in front of the message.
+    #[must_use]
+    pub fn of_model(self, model: &Path) -> Self {
+        Failure { message: Text::from(format!("{}: ", model.display())) + self.message, ..self }
+    }
+
     /// Why there is nothing to fit, where no parameter is free.
     pub fn nothing_to_fit(input: &VerbInput) -> Option<Self> {
         let (message, help) = match (input.problem.free().is_empty(), input.frozen.is_empty()) {
@@ -92,7 +99,7 @@ impl Failure {
     pub fn simulation_failure(input: &VerbInput, error: &WorldError) -> Self {
         let why = Failure::simulation(error, &input.doubts);
         let message = Text::from("the model diverges on these logs at its current values: ") + why.message;
-        Failure { message, ..why }
+        Failure { message, ..why }.of_model(&input.source.path)
     }
 }
 

@@ -18,9 +18,10 @@ pub fn remedy<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Text
     near.unwrap_or_else(|| format!("known: {}", known.join(", "))).into()
 }
 
-/// The known name most similar to `wrong`, if any is similar enough.
+/// The known name most similar to `wrong`, if any is similar enough and another one.
 pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let scored = known.into_iter().map(|name| (name, strsim::damerau_levenshtein(wrong, name)));
+    let scored =
+        known.into_iter().filter(|name| *name != wrong).map(|name| (name, strsim::damerau_levenshtein(wrong, name)));
     let (name, distance) = scored.min_by_key(|(_, distance)| *distance)?;
     (distance <= wrong.len().max(name.len()) / 3 + 1).then_some(name)
 }

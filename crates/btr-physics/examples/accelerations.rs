@@ -7,13 +7,12 @@ use btr_physics::engine::{BaseState, RobotState};
 use btr_physics::presets::ant::ant;
 use btr_physics::presets::nao::nao;
 use btr_physics::robot::Base;
-use btr_physics::robot::urdf::load_urdf;
+use btr_physics::robot::urdf::parse_urdf;
 use btr_physics::setup::Setup;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 use std::error::Error;
 use std::io::BufRead;
-use std::path::Path;
 
 /// Input state: SI units, the quaternion's real part first.
 #[derive(Deserialize)]
@@ -47,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let robot = match name.as_str() {
         "ant" => ant(),
         "nao" => nao(),
-        file => load_urdf(Path::new(file), Base::Fixed)?.0,
+        file => parse_urdf(&std::fs::read_to_string(file)?, Base::Fixed)?.0,
     };
     let joints: Vec<&str> = robot.movable().map(|(_, link)| link.joint.name.as_str()).collect();
     println!("{}", serde_json::json!(joints));

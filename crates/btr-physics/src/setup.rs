@@ -1,8 +1,11 @@
 //! Settings of a rollout other than robot and drive: times, sensors, ground, ball, engine.
 
+use crate::robot::Robot;
 use crate::sensor::SensorNoise;
+use btr_core::limits::{LONGEST_S, MOST_STEPS, MOST_VALUES};
 use btr_core::world::WorldError;
 use nalgebra::{Point3, Vector3};
+use std::cmp::Ordering;
 
 /// The floor: the plane z = 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,6 +109,8 @@ pub struct Setup {
     pub gravity_m_s2: Vector3<f64>,
     /// Physics engine.
     pub engine: EngineName,
+    /// The most physics steps of a run; a longer one is refused.
+    pub max_steps: u64,
     /// Joint velocities at the start, in the order of the movable joints; zero where absent.
     pub start_velocities: Vec<f64>,
 }
@@ -128,14 +133,28 @@ impl Default for Setup {
             noise: SensorNoise::default(),
             gravity_m_s2: Vector3::new(0.0, 0.0, -9.81),
             engine: EngineName::Auto,
+            max_steps: MOST_STEPS,
             start_velocities: Vec::new(),
         }
     }
 }
 
+/// Channels of a log per joint, ...
+const MOST_PER_JOINT: usize = 4;
+/// ... and those of the base and a ball.
+const OF_BASE_AND_BALL: usize = 16;
+
 impl Setup {
+    /// Checks that a run of this robot is neither longer than `max_steps` nor gives a log of too many values.
+    ///
+    /// # Errors
+    /// [`WorldError::Setup`], with the number and the limit; times that are not positive.
+    pub fn check(&self, robot: &Robot) -> Result<(), WorldError> {
+        self.samples(robot).map(|_| ())
+    }
+
     /// Number of samples of the log, and physics steps per sample.
-    pub(crate) fn samples(&self) -> Result<(usize, usize), WorldError> {
+    pub(crate) fn samples(&self, robot: &Robot) -> Result<(usize, usize), WorldError> {
         let positive = [self.dt_s, self.duration_s, self.control_s].iter().all(|&t| t > 0.0 && t.is_finite());
         if !positive || self.substeps == 0 {
             return Err(setup_error(format!(
@@ -148,11 +167,33 @@ impl Setup {
         if !(steps >= 1.0 && (ratio - steps).abs() < 1e-6 * steps) {
             return Err(setup_error(format!("sample_s must be a multiple of dt_s, not {ratio} times it")));
         }
+        self.check_steps()?;
         let samples = (self.duration_s / (self.dt_s * steps) + 1e-9).floor() as usize;
         if samples == 0 {
             return Err(setup_error(format!("duration_s = {} is shorter than one sample", self.duration_s)));
         }
+        let channels = MOST_PER_JOINT * robot.movable().count() + robot.links.len() + OF_BASE_AND_BALL;
+        if (samples + 1).saturating_mul(channels) > MOST_VALUES {
+            let what = format!("the log of {:?} s would have {} samples", self.duration_s, samples + 1);
+            return Err(setup_error(format!(
+                "{what} of about {channels} channels; at most {MOST_VALUES} values are kept"
+            )));
+        }
         Ok((samples + 1, steps as usize))
+    }
+
+    fn check_steps(&self) -> Result<(), WorldError> {
+        let time_s = self.duration_s + self.rest_s.max(0.0);
+        if time_s > LONGEST_S {
+            return Err(setup_error(format!("a run of {time_s:?} s; at most {LONGEST_S} s, a day, are simulated")));
+        }
+        let steps = time_s / self.dt_s * self.substeps as f64;
+        // Also refuses what is no number.
+        if steps.partial_cmp(&(self.max_steps as f64)).is_none_or(Ordering::is_gt) {
+            let what = format!("{time_s:?} s in steps of {:?} s are {steps:.1e} physics steps", self.dt_s);
+            return Err(setup_error(format!("{what}; at most {} are simulated", self.max_steps)));
+        }
+        Ok(())
     }
 }
 

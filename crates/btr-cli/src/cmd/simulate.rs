@@ -22,7 +22,8 @@ pub(crate) fn run(args: &SimulateArgs, global: &Global) -> Result<u8, Failure> {
         (None, None) => experiment::model(&source)?,
     };
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
-    let log = model.simulate(model.request(&s, 0).controller(&c).noise_seed(global.seed))?;
+    let log = model.simulate(model.request(&s, 0).controller(&c).noise_seed(global.seed));
+    let log = log.map_err(|e| Failure::from(e).of_model(&source.path))?;
     let (robot, ..) = model.at(&s, 0);
     let meta = Meta {
         model_toml: Some(source.text),

@@ -14,6 +14,7 @@ mod freeze;
 mod glitches;
 mod inverse_dynamics;
 mod lab;
+mod limits;
 mod priors;
 mod real_arm;
 mod real_servo;

@@ -57,6 +57,7 @@ pub struct SearchPhase {
     /// new starts near the best one. Each costs 2·dims + 5 simulations per real test. Only with a distance that is a
     /// sum of squares (`rmse`); ignored with others.
     #[serde(default)]
+    #[serde(deserialize_with = "settings::count")]
     pub refine: usize,
 }
 
@@ -88,13 +89,16 @@ pub struct Transfer {
     #[serde(deserialize_with = "settings::positive")]
     pub share: f64,
     /// m itself, instead of a share; the paper takes 1 or 2 with phi_2.
+    #[serde(deserialize_with = "settings::maybe_count")]
     pub count: Option<usize>,
     /// p'_m of the neighbourhood rule, per bit.
     #[serde(deserialize_with = "settings::probability")]
     pub mutation: f64,
     /// Number of rival simulations of the disagreement rule.
+    #[serde(deserialize_with = "settings::count")]
     pub rivals: usize,
     /// Number of controllers that the disagreement rule and the informative rule consider.
+    #[serde(deserialize_with = "settings::count")]
     pub candidates: usize,
 }
 
@@ -116,6 +120,7 @@ pub struct PosteriorPhase {
     #[serde(deserialize_with = "settings::at_least_one")]
     pub turns: usize,
     /// Further starts while an estimate does not explain the tests.
+    #[serde(deserialize_with = "settings::count")]
     pub restarts: usize,
     /// A parameter counts as identified when half its 95 % interval is at most this share of its bounds' width.
     #[serde(deserialize_with = "settings::positive")]

@@ -27,8 +27,10 @@ pub struct GaSettings {
     #[serde(deserialize_with = "settings::probability")]
     pub crossover: f64,
     /// Number of best individuals carried over unchanged; 1. At least one individual per generation is new.
+    #[serde(deserialize_with = "settings::count")]
     pub elite: usize,
     /// Individuals per tournament that chooses a parent; 2.
+    #[serde(deserialize_with = "settings::count")]
     pub tournament: usize,
     /// Bits per parameter; 16, that is steps of 1/65535 of the range.
     #[serde(deserialize_with = "settings::bits")]

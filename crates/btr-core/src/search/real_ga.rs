@@ -31,8 +31,10 @@ pub struct RealGaSettings {
     #[serde(deserialize_with = "settings::positive")]
     pub eta: f64,
     /// Number of best individuals carried over unchanged; 1. At least one individual per generation is new.
+    #[serde(deserialize_with = "settings::count")]
     pub elite: usize,
     /// Individuals per tournament that chooses a parent; 2.
+    #[serde(deserialize_with = "settings::count")]
     pub tournament: usize,
 }
 

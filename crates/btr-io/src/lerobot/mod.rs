@@ -10,6 +10,7 @@ mod table;
 use super::data_set::place;
 use super::error::{IoError, Warning};
 use super::mapping::Mapping;
+use super::regular::read_text;
 use super::series::assemble;
 use btr_core::log::Log;
 use indexmap::IndexMap;
@@ -129,7 +130,7 @@ fn entries(folder: &Path) -> Result<Vec<PathBuf>, IoError> {
 
 impl Info {
     fn read(path: &Path) -> Result<Self, IoError> {
-        let text = fs::read_to_string(path).map_err(|source| IoError::File { path: path.to_owned(), source })?;
+        let text = read_text(path).map_err(|source| IoError::File { path: path.to_owned(), source })?;
         let odd = |what: String| IoError::DataSet { path: path.to_owned(), what };
         let info: Info = serde_json::from_str(&text).map_err(|e| odd(e.to_string()))?;
         let version = info.codebase_version.as_str();

@@ -1,6 +1,7 @@
 //! Reads the frames of an episode from a Parquet file.
 
 use crate::error::IoError;
+use crate::regular;
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
@@ -23,7 +24,7 @@ impl FrameTable {
     /// # Errors
     /// A missing file, or one that is not Parquet.
     pub(super) fn open(path: &Path) -> Result<Self, IoError> {
-        let file = File::open(path).map_err(|source| IoError::File { path: path.to_owned(), source })?;
+        let file = regular::open(path).map_err(|source| IoError::File { path: path.to_owned(), source })?;
         let reader = SerializedFileReader::new(file).map_err(|e| odd(path, e.to_string()))?;
         Ok(FrameTable { path: path.to_owned(), reader })
     }

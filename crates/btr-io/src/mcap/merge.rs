@@ -1,8 +1,10 @@
 //! Resamples several topics on the joint states' clock: commands are held, the rest is interpolated.
 
 use super::other::{Names, Sample, TopicKind};
-use crate::error::Warning;
+use crate::error::{IoError, Warning};
+use crate::series::check_size;
 use btr_core::log::{hold, interpolate};
+use std::path::Path;
 
 /// Channels on one clock.
 pub(crate) struct Merged {
@@ -30,14 +32,18 @@ struct MergedTrack {
 }
 
 /// Merges samples in the order in which they were recorded; `None` without joint states.
-pub(crate) fn merge(samples: Vec<(TopicKind, Sample)>, names: &Names) -> Option<Merged> {
+///
+/// # Errors
+/// More values than a log may have: every channel has one at every tick.
+pub(crate) fn merge(path: &Path, samples: Vec<(TopicKind, Sample)>, names: &Names) -> Result<Option<Merged>, IoError> {
     // Header stamps are preferred, but only if all messages have them: two clocks must not be mixed.
     let stamped = samples.iter().all(|(_, s)| s.stamp_ns > 0);
     let time = |s: &Sample| if stamped { s.stamp_ns } else { s.log_ns };
     let mut clock: Vec<u64> = samples.iter().filter(|(k, s)| is_state(*k, s, names)).map(|(_, s)| time(s)).collect();
     clock.sort_unstable();
     clock.dedup();
-    let first = *clock.first()?;
+    let Some(&first) = clock.first() else { return Ok(None) };
+    check_size(path, clock.len(), names.iter().len())?;
     // Beyond 2^53 ns (104 days, so any clock since 1970) seconds in f64 lose nanoseconds: count from the first tick.
     let zero = if first > 1 << 53 { first } else { 0 };
     let signed = |ns: u64| if ns < zero { -((zero - ns) as f64) } else { (ns - zero) as f64 };
@@ -59,7 +65,7 @@ pub(crate) fn merge(samples: Vec<(TopicKind, Sample)>, names: &Names) -> Option<
         }
         series.push((name.to_owned(), track.onto(&clock_s, seconds)));
     }
-    Some(Merged { clock_s, series, warnings })
+    Ok(Some(Merged { clock_s, series, warnings }))
 }
 
 /// Whether a sample holds joint positions.

@@ -1,6 +1,7 @@
 //! `/btr/channels`: the whole log, bit by bit, as a message with one field per channel.
 
 use super::ros::LITTLE_ENDIAN_CDR;
+use btr_core::limits::MOST_COLUMNS;
 use btr_core::log::{Log, LogError, Role};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -82,12 +83,15 @@ impl LogRows {
     pub(crate) fn new(metadata: &BTreeMap<String, String>) -> Result<Self, String> {
         let json = metadata.get(KEY).ok_or("its metadata does not name the channels")?;
         let columns: Vec<Column> = serde_json::from_str(json).map_err(|e| e.to_string())?;
+        if columns.len() > MOST_COLUMNS {
+            return Err(format!("{} channels; at most {MOST_COLUMNS} are read", columns.len()));
+        }
         let values = vec![Vec::new(); columns.len()];
         Ok(LogRows { columns, clock_s: Vec::new(), values })
     }
 
-    /// Adds a message.
-    pub(crate) fn push(&mut self, message: &[u8]) -> Result<(), String> {
+    /// Adds a message, and says how many values it has.
+    pub(crate) fn push(&mut self, message: &[u8]) -> Result<usize, String> {
         let (kind, body) = message.split_at_checked(4).ok_or("shorter than a CDR header")?;
         let (numbers, rest) = body.as_chunks::<8>();
         if kind != LITTLE_ENDIAN_CDR || !rest.is_empty() || numbers.len() != self.columns.len() + 1 {
@@ -98,7 +102,7 @@ impl LogRows {
         for (column, x) in self.values.iter_mut().zip(numbers) {
             column.push(x);
         }
-        Ok(())
+        Ok(self.columns.len() + 1)
     }
 
     /// Whether there are no messages.

@@ -4,6 +4,8 @@ use super::other::{Names, Sample, TopicFormat, TopicKind, format, samples};
 use super::{merge, own};
 use crate::error::{IoError, Warning};
 use crate::mapping::Mapping;
+use crate::series::check_size;
+use btr_core::limits::{MOST_COLUMNS, MOST_VALUES};
 use btr_core::log::Log;
 use indexmap::IndexMap;
 use std::collections::BTreeMap;
@@ -29,8 +31,12 @@ pub struct Recording<'a> {
     types: BTreeMap<String, String>,
     own: Option<own::LogRows>,
     samples: Vec<(TopicKind, Sample)>,
+    /// Values so far; a sample counts as one more.
+    kept: usize,
     names: Names,
     messages: usize,
+    /// Why the rest cannot be read, if so.
+    broken: Option<String>,
     /// Per topic: how many messages could not be decoded, and why the first could not.
     undecodable: IndexMap<String, (usize, String)>,
     warnings: Vec<Warning>,
@@ -45,8 +51,10 @@ impl<'a> Recording<'a> {
             types: BTreeMap::new(),
             own: None,
             samples: Vec::new(),
+            kept: 0,
             names: Names::default(),
             messages: 0,
+            broken: None,
             undecodable: IndexMap::new(),
             warnings: Vec::new(),
         }
@@ -84,14 +92,15 @@ impl<'a> Recording<'a> {
     /// Adds a message of a topic, recorded at `log_ns`.
     pub fn take(&mut self, id: u16, log_ns: u64, data: &[u8]) {
         self.messages += 1;
-        let Some(topic) = self.topics.get(&id) else { return };
+        let Some(topic) = self.topics.get(&id).filter(|_| !self.is_full()) else { return };
         let taken = match (&topic.plan, &mut self.own) {
-            (TopicPlan::Own, Some(rows)) => rows.push(data),
+            (TopicPlan::Own, Some(rows)) => rows.push(data).map(|values| self.kept += values),
             // The log itself is present, so its views are not needed.
             (TopicPlan::Read(_), Some(rows)) if !rows.is_empty() => Ok(()),
             (&TopicPlan::Read(format), _) => {
                 let elements = self.mapping.topics.arrays.get(&topic.name).map_or(&[][..], Vec::as_slice);
                 samples(format, elements, data, log_ns, &mut self.names).map(|samples| {
+                    self.kept += samples.iter().map(|sample| 1 + sample.values.len()).sum::<usize>();
                     self.samples.extend(samples.into_iter().map(|sample| (format.kind, sample)));
                 })
             }
@@ -102,8 +111,14 @@ impl<'a> Recording<'a> {
         }
     }
 
+    /// Whether it holds more than a log may hold: no message is added any more.
+    pub(crate) fn is_full(&self) -> bool {
+        self.kept > MOST_VALUES || self.names.iter().len() > MOST_COLUMNS
+    }
+
     /// Records that the rest of the file cannot be read.
     pub(crate) fn breaks_off(&mut self, why: String) {
+        self.broken = Some(why.clone());
         self.warnings.push(Warning::Truncated { messages: self.messages, why });
     }
 
@@ -112,13 +127,18 @@ impl<'a> Recording<'a> {
     /// # Errors
     /// [`IoError::NoStates`] without any joint states; samples that do not form a log.
     pub fn into_log(mut self, path: &Path) -> Result<(Log, Vec<Warning>), IoError> {
+        check_size(path, self.kept, 1)?;
+        check_size(path, 1, self.names.iter().len())?;
         let undecodable = self.undecodable.into_iter();
         self.warnings.extend(undecodable.map(|(topic, (count, why))| Warning::Undecodable { topic, count, why }));
         if let Some(rows) = self.own.filter(|rows| !rows.is_empty()) {
             let log = rows.into_log().map_err(|source| IoError::Log { path: path.to_owned(), source })?;
             return Ok((log, self.warnings));
         }
-        let Some(merged) = merge::merge(self.samples, &self.names) else {
+        let Some(merged) = merge::merge(path, self.samples, &self.names)? else {
+            if let (0, Some(why)) = (self.messages, self.broken) {
+                return Err(IoError::Damaged { path: path.to_owned(), why });
+            }
             let topics = self.types.iter().map(|(topic, schema)| format!("{topic} ({schema})")).collect();
             return Err(IoError::NoStates {
                 path: path.to_owned(),

@@ -5,6 +5,8 @@ mod broken_csv;
 #[cfg(feature = "mcap")]
 mod foreign_mcap;
 #[cfg(feature = "mcap")]
+mod limits;
+#[cfg(feature = "mcap")]
 mod own_mcap;
 #[cfg(all(feature = "mcap", feature = "parquet"))]
 mod real_data;

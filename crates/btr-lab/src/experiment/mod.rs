@@ -8,6 +8,7 @@ mod models;
 mod real_tests;
 mod replays;
 mod source;
+mod stated;
 
 pub(crate) use file::USUAL_STEPS;
 pub use file::{

@@ -30,6 +30,7 @@ pub fn model_driven_by(source: &Source, drive: &Source) -> Result<Model, FileErr
     }
     let mut file = source.parse()?;
     let OnlyDrive { drive: mut section } = toml::from_str(&drive.text).map_err(|e| drive.refused(&e))?;
+    drive.check_finite()?;
     // The path of a log is relative to the file that names it.
     let folder = std::path::absolute(drive.folder()).unwrap_or_else(|_| drive.folder().to_owned());
     section.log = section.log.map(|log| folder.join(log));

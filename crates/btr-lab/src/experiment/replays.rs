@@ -8,6 +8,7 @@ use super::logs::source::{LogSource, ReadLog, Recordings};
 use super::source::{FileError, Source};
 use crate::log_quality::repeats::Repeats;
 use crate::log_quality::{beside_model, coverage, quality, torque_noise};
+use btr_core::limits::MOST_LOGS;
 use btr_core::log::Log;
 use btr_identify::quality::Quality;
 use btr_physics::model::Model;
@@ -100,6 +101,10 @@ where
     let robot = builder.robot()?;
     if let Some(both) = learn.iter().find(|log| held_out.iter().any(|other| other.path() == log.path())) {
         let message = format!("{} is both a training log and held out", both.path().display());
+        return Err(source.error(&[], &message, None));
+    }
+    if learn.len() + held_out.len() > MOST_LOGS {
+        let message = format!("{} logs; at most {MOST_LOGS} are read at once", learn.len() + held_out.len());
         return Err(source.error(&[], &message, None));
     }
     if learn.is_empty() {

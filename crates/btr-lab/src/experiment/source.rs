@@ -1,6 +1,8 @@
 //! Reading a file into [`File`], with errors that name file, line, column and remedy.
 
 use super::file::File;
+use super::stated;
+use super::stated::Misstated;
 use crate::suggest::nearest;
 use btr_core::text::{Mention, Text};
 use btr_physics::effects::Laws;
@@ -71,7 +73,7 @@ impl Source {
         if path.is_file() && path.extension().is_some_and(|ending| ending != "toml") {
             return Err(refused("not a TOML file".to_owned()));
         }
-        let text = std::fs::read_to_string(path).map_err(|e| refused(e.to_string()))?;
+        let text = btr_io::read_text(path).map_err(|e| refused(e.to_string()))?;
         Ok(Source::new(path, text))
     }
 
@@ -103,9 +105,24 @@ impl Source {
     /// The typed file.
     ///
     /// # Errors
-    /// Syntax, unknown keys (with a suggestion), wrong types: at their line.
+    /// Syntax, unknown keys (with a suggestion), wrong types, numbers that make no sense: at their line.
     pub fn parse(&self) -> Result<File, FileError> {
-        toml::from_str(&self.text).map_err(|e| self.refused(&e))
+        let file = toml::from_str(&self.text).map_err(|e| self.refused(&e))?;
+        stated::check(&file, &self.text).map_err(|e| self.misstated(&e))?;
+        Ok(file)
+    }
+
+    /// Checks that the text's numbers are finite.
+    ///
+    /// # Errors
+    /// The first one that is not, at its line.
+    pub(super) fn check_finite(&self) -> Result<(), FileError> {
+        stated::check_finite(&self.text).map_err(|e| self.misstated(&e))
+    }
+
+    fn misstated(&self, error: &Misstated) -> FileError {
+        let keys: Vec<&str> = error.keys.iter().map(String::as_str).collect();
+        self.error(&keys, &error.message, error.help.clone().map(Text::from))
     }
 
     /// An error of serde about the text, at its place and with a suggestion.

@@ -4,11 +4,12 @@ use crate::effects::{DryFriction, PlacedEffect, SiteKind};
 use crate::engine::Dynamics;
 use crate::robot::Robot;
 use crate::setup::{EngineName, Setup, setup_error};
+use btr_core::limits::MOST_REMEMBERED;
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use std::borrow::Cow;
 
-/// Checks that servos sample at physics steps, never within one.
+/// Checks that servos sample at physics steps, never within one, and remember no more readings than fit into memory.
 pub(super) fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldError> {
     for joint in robot.movable().map(|(_, link)| &link.joint) {
         let steps = joint.sampling.map_or(1.0, |sampling| sampling.period_s / setup.dt_s);
@@ -18,6 +19,8 @@ pub(super) fn check_sampling(robot: &Robot, setup: &Setup) -> Result<(), WorldEr
                 "the servo of `{name}` samples every {steps} physics steps, not a whole number"
             )));
         }
+        let readings = joint.sampling.map_or(0, |sampling| sampling.velocity_over as usize);
+        check_remembered(&joint.name, readings)?;
     }
     Ok(())
 }
@@ -39,8 +42,20 @@ pub(super) fn check_linkages(robot: &Robot, setup: &Setup) -> Result<(), WorldEr
     Ok(())
 }
 
-/// Checks that the engine supports the effects.
+/// Refuses what would take too much memory in each joint.
+fn check_remembered(name: &str, values: usize) -> Result<(), WorldError> {
+    if values > MOST_REMEMBERED {
+        let what = format!("{name} would remember {values} values; at most {MOST_REMEMBERED} are kept");
+        return Err(setup_error(format!("{what}: take longer steps")));
+    }
+    Ok(())
+}
+
+/// Checks that the engine supports the effects, and that these fit into memory.
 pub(super) fn check_effects(effects: &[PlacedEffect], setup: &Setup) -> Result<(), WorldError> {
+    for placed in effects {
+        check_remembered(placed.effect.spec().name, placed.effect.memory(&placed.values, setup.dt_s))?;
+    }
     let creeps = |placed: &&PlacedEffect| placed.effect.dry_friction() == DryFriction::Changes;
     match effects.iter().find(creeps).filter(|_| setup.engine == EngineName::Rapier) {
         Some(placed) => Err(setup_error(format!(

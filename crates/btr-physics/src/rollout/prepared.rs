@@ -39,13 +39,13 @@ impl<'a> PreparedRollout<'a> {
     /// See [`simulate`](super::simulate).
     pub(super) fn new(request: RolloutRequest<'a>) -> Result<Self, WorldError> {
         let RolloutRequest { robot, drive, effects, setup, noise_seed, hook } = request;
-        let (samples, steps_per_sample) = setup.samples()?;
+        let (samples, steps_per_sample) = setup.samples(robot)?;
         let effects = effects::in_force(effects)?;
         let (robot, setup) = apply_static_effects(robot, &effects, setup)?;
-        let control = Control::new(&robot, &effects, &setup, drive)?;
-        check_sampling(&robot, &setup)?;
-        check_linkages(&robot, &setup)?;
         check_effects(&effects, &setup)?;
+        check_sampling(&robot, &setup)?;
+        let control = Control::new(&robot, &effects, &setup, drive)?;
+        check_linkages(&robot, &setup)?;
         let recorder = Recorder::new(&robot, &setup, samples);
         let rest_steps = (setup.rest_s / setup.dt_s).round() as usize;
         Ok(PreparedRollout {

@@ -15,6 +15,7 @@ mod formula;
 mod free;
 mod friction;
 mod joint;
+mod limits;
 mod linkage;
 mod motor;
 mod neighbours;

@@ -6,7 +6,7 @@ pub(crate) use text::in_python;
 
 use btr_core::log::LogError;
 use btr_core::space::SpaceError;
-use btr_core::text::Text;
+use btr_core::text::{Text, printable};
 use btr_core::world::WorldError;
 use btr_io::IoError;
 use btr_lab::distributed::DistributedError;
@@ -34,10 +34,11 @@ create_exception!(
 /// An exception with a message and a remedy.
 pub(crate) fn raised(message: impl Into<Text>, help: Option<Text>) -> PyErr {
     let message = in_python(&message.into());
-    BtrError::new_err(match help {
+    let text = match help {
         Some(help) => format!("{message}\nhelp: {}", in_python(&help)),
         None => message,
-    })
+    };
+    BtrError::new_err(printable(&text))
 }
 
 /// Errors that are raised as Python exceptions.

@@ -42,6 +42,7 @@ impl Builder<'_> {
     pub(crate) fn model(&self, situations: ScenarioSet) -> Result<Model, FileError> {
         let robot = self.robot()?;
         let setup = self.setup(&robot, &situations.logs)?;
+        self.check_durations(&robot, &setup, &situations.scenarios)?;
         let effects = self.effects(&self.file.effects, "effects", &robot)?;
         let (targets, simulations) = self.parameters(&robot, &effects, &setup)?;
         let drive = self.drive(&robot)?;

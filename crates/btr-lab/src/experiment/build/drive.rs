@@ -3,6 +3,7 @@
 use super::builder::Builder;
 use crate::experiment::file::{DriveSection, SearchedSection};
 use crate::experiment::source::FileError;
+use btr_core::limits::MOST_HIDDEN;
 use btr_physics::drive::{DRIVES, DriveError, DriveKind, DrivePlan, PolicyPlan, Replay, SENSES, SearchStart};
 use btr_physics::robot::Robot;
 use btr_physics::robot::site;
@@ -62,6 +63,10 @@ impl Builder<'_> {
     }
 
     fn policy(&self, section: &DriveSection, robot: &Robot) -> Result<DriveKind, FileError> {
+        if section.hidden.is_some_and(|hidden| hidden > MOST_HIDDEN) {
+            let message = format!("a policy has at most {MOST_HIDDEN} hidden units");
+            return Err(self.error(&["drive", "hidden"], message, None));
+        }
         let around = self.open_loop(section.around.as_deref().unwrap_or("hold"), "around", section, robot)?;
         let sensors = section.sensors.clone().unwrap_or_else(|| vec!["tilt".to_owned(), "gyro".to_owned()]);
         let known = || SENSES.iter().map(|sense| sense.0);

@@ -18,8 +18,7 @@ impl Builder<'_> {
             (Some(name), None) => self.builtin(name)?,
             (None, Some(path)) => {
                 let base = section.base.unwrap_or(Base::Fixed);
-                let path = self.source.folder().join(path);
-                urdf::load_urdf(&path, base).map_err(|e| self.no_robot(&path, &e))?.0
+                self.urdf(&self.source.folder().join(path), base)?
             }
             _ => {
                 let help = "builtin = \"ant\", \"nao\" or \"pendulum\"; or urdf = \"robot.urdf\"";
@@ -50,13 +49,15 @@ impl Builder<'_> {
     }
 
     /// A missing URDF is an error of the model file; an invalid one is an error of the URDF.
-    fn no_robot(&self, path: &Path, error: &UrdfError) -> FileError {
-        if let UrdfError::File { .. } = error {
-            return self.error(&["robot", "urdf"], error, None);
-        }
-        let message = error.to_string();
-        let line = std::fs::read_to_string(path).ok().and_then(|text| line_of(&text, &message)).unwrap_or(0);
-        FileError { path: path.to_owned(), line, column: 0, message: message.into(), help: None }
+    fn urdf(&self, path: &Path, base: Base) -> Result<Robot, FileError> {
+        let missing = |e| self.error(&["robot", "urdf"], format!("{}: {e}", path.display()), None);
+        let text = btr_io::read_text(path).map_err(missing)?;
+        let invalid = |e: UrdfError| {
+            let (path, message) = (path.to_owned(), e.to_string());
+            let line = line_of(&text, &message).unwrap_or(0);
+            FileError { path, line, column: 0, message: message.into(), help: None }
+        };
+        urdf::parse_urdf(&text, base).map(|(robot, _)| robot).map_err(invalid)
     }
 
     fn builtin(&self, name: &str) -> Result<Robot, FileError> {
@@ -82,6 +83,11 @@ impl Builder<'_> {
             if let Some((value, number)) = parameter::motor_values(&actuator).find(|(_, x)| *x < 0.0 || x.is_nan()) {
                 let message = format!("{value} = {number} must be zero or more");
                 return Err(self.error(&["actuators", pattern, value], message, None));
+            }
+            if let ActuatorSection::Voltage { resistance, .. } = section
+                && *resistance <= 0.0
+            {
+                return Err(self.error(&["actuators", pattern, "resistance"], "resistance must be positive", None));
             }
             let sampling =
                 sampling(section).map_err(|(key, message)| self.error(&["actuators", pattern, key], message, None))?;

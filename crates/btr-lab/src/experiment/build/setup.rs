@@ -5,6 +5,7 @@ use crate::experiment::file::NoiseSection;
 use crate::experiment::source::FileError;
 use crate::log_quality::usable::is_coarser;
 use btr_core::log::Log;
+use btr_physics::model::Scenario;
 use btr_physics::robot::{Base, Robot};
 use btr_physics::sensor::{SensorNoise, Unpredictable};
 use btr_physics::setup::{Ball, Ground, Sensors, Setup};
@@ -51,6 +52,7 @@ impl Builder<'_> {
             noise: noise(&self.file.noise),
             gravity_m_s2: Vector3::new(0.0, 0.0, s.gravity),
             engine: s.engine,
+            max_steps: s.max_steps,
             start_velocities: Vec::new(),
         })
     }
@@ -85,6 +87,23 @@ fn changes_with_every_sample(log: &Log) -> bool {
 }
 
 impl Builder<'_> {
+    /// Checks that every scenario can be simulated in the time and memory that there is.
+    pub(super) fn check_durations(
+        &self,
+        robot: &Robot,
+        setup: &Setup,
+        scenarios: &[Scenario],
+    ) -> Result<(), FileError> {
+        for scenario in scenarios {
+            let setup = Setup { duration_s: scenario.duration_s, ..setup.clone() };
+            setup.check(robot).map_err(|e| {
+                let help = "see duration_s, control_s, steps_per_control, sample_every and max_steps in [simulation]";
+                self.error(&["simulation", "duration_s"], e, Some(help.into()))
+            })?;
+        }
+        Ok(())
+    }
+
     /// The noise of the sensors that the file states.
     pub(crate) fn noise(&self) -> SensorNoise {
         noise(&self.file.noise)

@@ -40,7 +40,7 @@ pub enum ActuatorSection {
         /// N·m·s/rad.
         #[serde(default)]
         kd: f64,
-        /// N·m.
+        /// N·m. Default: unlimited; the `effort` of a URDF is not read.
         #[serde(default = "unlimited")]
         max_torque: f64,
         /// Sampling period of a digital servo, in s: it reads and computes once per period and holds the result.
@@ -52,7 +52,7 @@ pub enum ActuatorSection {
     },
     /// The command is a torque.
     Torque {
-        /// N·m.
+        /// N·m. Default: unlimited; the `effort` of a URDF is not read.
         #[serde(default = "unlimited")]
         max_torque: f64,
     },

@@ -1,5 +1,6 @@
 //! `[simulation]` and `[noise]`.
 
+use btr_core::limits::MOST_STEPS;
 use btr_physics::robot::Robot;
 use btr_physics::setup::EngineName;
 use indexmap::IndexMap;
@@ -30,6 +31,8 @@ pub struct SimulationSection {
     pub duration_s: f64,
     /// Physics steps between two samples of the log.
     pub sample_every: u32,
+    /// The most physics steps of one simulation; a longer one is refused. Default: 20 million.
+    pub max_steps: u64,
     /// Coulomb friction coefficient of the ground; robots with a fixed base have no ground.
     pub ground_friction: f64,
     /// Acceleration of gravity in m/s², along world z.
@@ -48,6 +51,7 @@ impl Default for SimulationSection {
             interpolate: false,
             duration_s: 2.0,
             sample_every: 1,
+            max_steps: MOST_STEPS,
             ground_friction: 0.8,
             gravity: -9.81,
             ball: None,

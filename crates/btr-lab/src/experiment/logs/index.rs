@@ -3,6 +3,7 @@
 use crate::experiment::file::{ColumnSection, File, RealitySection};
 use crate::experiment::source::{FileError, Source};
 use crate::suggest::nearest;
+use btr_core::limits::MOST_CELLS;
 use btr_core::text::{Mention, Text};
 use btr_physics::model::parameter::Target;
 use btr_physics::robot::Robot;
@@ -81,18 +82,22 @@ pub(super) type IndexRow = IndexMap<String, String>;
 
 /// The rows of the index of `section`, with their lines.
 pub(super) fn read_index(index: &Path, source: &Source, section: &str) -> Result<Vec<(usize, IndexRow)>, FileError> {
-    let unreadable = |e: csv::Error| {
+    let unreadable = |e: &dyn std::fmt::Display| {
         let message = format!("{}: {e}", index.display());
         let key = format!("{section}.index");
         let from = format!("{key} is taken from the experiment file's folder; point it to where the data is, or ");
         let help = Text::from(from) + Mention::Set { key, value: "PATH" };
         source.error(&[section, "index"], &message, Some(help))
     };
-    let mut reader = csv::Reader::from_path(index).map_err(unreadable)?;
-    let columns: Vec<String> = reader.headers().map_err(unreadable)?.iter().map(str::to_owned).collect();
+    let text = btr_io::read_text(index).map_err(|e| unreadable(&e))?;
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let columns: Vec<String> = reader.headers().map_err(|e| unreadable(&e))?.iter().map(str::to_owned).collect();
     let mut rows = Vec::new();
     for record in reader.records() {
-        let record = record.map_err(unreadable)?;
+        let record = record.map_err(|e| unreadable(&e))?;
+        if (rows.len() + 1).saturating_mul(columns.len()) > MOST_CELLS {
+            return Err(unreadable(&format!("more than {MOST_CELLS} cells, the most that is read")));
+        }
         let line = record.position().map_or(0, |p| p.line() as usize);
         rows.push((line, columns.iter().cloned().zip(record.iter().map(str::to_owned)).collect()));
     }

@@ -1,24 +1,25 @@
 //! Errors and warnings of reading a URDF, by the name of the link or joint.
 
-use std::path::PathBuf;
+use btr_core::limits::{DEEPEST_XML, MOST_LINKS};
 
 /// Why a URDF cannot be read as a robot.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum UrdfError {
-    /// The file could not be read.
-    #[error("{}: {source}", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// The system's error.
-        source: std::io::Error,
-    },
     /// Not XML, or not URDF.
     #[error("not a URDF: {what}")]
     Syntax {
         /// The parser's message.
         what: String,
+    },
+    /// Elements that lie too deep inside each other.
+    #[error("more than {DEEPEST_XML} elements lie inside each other; a URDF needs no more than five")]
+    Deep,
+    /// Too many links.
+    #[error("{links} links; at most {MOST_LINKS} are simulated")]
+    Links {
+        /// How many there are.
+        links: usize,
     },
     /// A kind of joint that btr does not simulate.
     #[error("joint `{joint}`: {kind} joints are not simulated; split it into hinges and slides")]

@@ -2,10 +2,11 @@
 //!
 //! Limitations: shapes are primitives, so meshes (collision and visual) are left out with a warning; planar, floating
 //! and spherical joints are refused; `<transmission>` and `<safety_controller>` are not read. Every joint is passive:
-//! the model file defines its actuator.
+//! the model file defines its actuator, whose `max_torque` is the limit of its torque; `effort` is not read.
 
 mod error;
 mod export;
+mod numbers;
 #[cfg(test)]
 mod tests;
 
@@ -13,34 +14,49 @@ pub use error::{UrdfError, UrdfWarning};
 pub use export::to_urdf;
 
 use super::{Actuator, Base, Geometry, Joint, JointKind, Link, Mimic, Robot, Shape};
+use btr_core::limits::{DEEPEST_XML, MOST_LINKS};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
-use std::path::Path;
-
-/// A robot from a URDF file.
-///
-/// # Errors
-/// [`UrdfError`], which names the link or joint.
-pub fn load_urdf(path: &Path, base: Base) -> Result<(Robot, Vec<UrdfWarning>), UrdfError> {
-    let text = std::fs::read_to_string(path).map_err(|source| UrdfError::File { path: path.to_owned(), source })?;
-    parse_urdf(&text, base)
-}
+use xml::{Event, Parser};
 
 /// A robot from a URDF text. The root stands at the world's origin.
 ///
 /// # Errors
 /// [`UrdfError`], which names the link or joint.
 pub fn parse_urdf(text: &str, base: Base) -> Result<(Robot, Vec<UrdfWarning>), UrdfError> {
+    check_depth(text)?;
     let urdf = urdf_rs::read_from_string(text).map_err(|e| UrdfError::Syntax { what: e.to_string() })?;
+    if urdf.links.len() > MOST_LINKS {
+        return Err(UrdfError::Links { links: urdf.links.len() });
+    }
+    numbers::check(&urdf)?;
     let mut warnings = Vec::new();
     let mut links: Vec<Link> = Vec::new();
     for (index, carrier) in tree_order(&urdf)? {
         let parent = carrier.and_then(|j| links.iter().position(|l| l.name == j.parent.link));
         let joint = carrier.map_or(Ok(root_joint()), |j| joint(j, &mut warnings))?;
-        links.push(link(&urdf.links[index], parent, joint, &mut warnings)?);
+        links.push(link(&urdf.links[index], parent, joint, &mut warnings));
     }
     resolve_mimics(&mut links)?;
     check_carried_mass(&links)?;
     Ok((Robot { name: urdf.name, base, start: Isometry3::identity(), links }, warnings))
+}
+
+/// Refuses elements that lie so deep inside each other that reading them would overflow the stack. Broken XML is left
+/// to the reader.
+fn check_depth(text: &str) -> Result<(), UrdfError> {
+    let mut parser = Parser::new();
+    parser.feed_str(text);
+    let mut depth = 0_usize;
+    for event in parser {
+        depth = match event {
+            Ok(Event::ElementStart(_)) if depth == DEEPEST_XML => return Err(UrdfError::Deep),
+            Ok(Event::ElementStart(_)) => depth + 1,
+            Ok(Event::ElementEnd(_)) => depth.saturating_sub(1),
+            Ok(_) => depth,
+            Err(_) => return Ok(()),
+        };
+    }
+    Ok(())
 }
 
 /// Indices of the links, parents before children and otherwise in the file's order, with the joints that carry them.
@@ -123,9 +139,6 @@ fn joint(j: &urdf_rs::Joint, warnings: &mut Vec<UrdfWarning>) -> Result<Joint, U
     }
     let limits = limits(j, kind, warnings);
     let (damping, dry_friction) = j.dynamics.as_ref().map_or((0.0, 0.0), |d| (d.damping, d.friction));
-    for (what, value) in [("damping", damping), ("friction", dry_friction)] {
-        not_negative(&j.name, what, value)?;
-    }
     let axis = if length > 1e-9 { axis / length } else { Vector3::x() };
     let (origin, start) = (pose(&j.origin), 0.0_f64.clamp(limits.0, limits.1));
     let mimic = j.mimic.as_ref().filter(|_| kind != JointKind::Fixed).map(|mimic| Mimic {
@@ -178,19 +191,10 @@ fn limits(j: &urdf_rs::Joint, kind: JointKind, warnings: &mut Vec<UrdfWarning>) 
     endless
 }
 
-fn link(
-    l: &urdf_rs::Link,
-    parent: Option<usize>,
-    joint: Joint,
-    warnings: &mut Vec<UrdfWarning>,
-) -> Result<Link, UrdfError> {
+fn link(l: &urdf_rs::Link, parent: Option<usize>, joint: Joint, warnings: &mut Vec<UrdfWarning>) -> Link {
     let mass_kg = l.inertial.mass.value;
-    not_negative(&l.name, "mass", mass_kg)?;
     let frame = pose(&l.inertial.origin);
     let i = &l.inertial.inertia;
-    for (what, value) in [("ixx", i.ixx), ("iyy", i.iyy), ("izz", i.izz)] {
-        not_negative(&l.name, what, value)?;
-    }
     let inertia = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
     let turn = frame.rotation.to_rotation_matrix();
     let mut shapes = Vec::new();
@@ -201,7 +205,7 @@ fn link(
         }
     }
     let (com_m, inertia_kg_m2) = (Point3::from(frame.translation.vector), turn * inertia * turn.transpose());
-    Ok(Link { name: l.name.clone(), parent, joint, mass_kg, com_m, inertia_kg_m2, shapes, foot: false })
+    Link { name: l.name.clone(), parent, joint, mass_kg, com_m, inertia_kg_m2, shapes, foot: false }
 }
 
 /// The primitive, or the mesh's file as the error.
@@ -225,13 +229,6 @@ fn pose(p: &urdf_rs::Pose) -> Isometry3<f64> {
         Translation3::from(Vector3::from(p.xyz.0)),
         UnitQuaternion::from_euler_angles(roll, pitch, yaw),
     )
-}
-
-fn not_negative(name: &str, what: &'static str, value: f64) -> Result<(), UrdfError> {
-    if value >= 0.0 && value.is_finite() {
-        return Ok(());
-    }
-    Err(UrdfError::Value { name: name.to_owned(), what, value })
 }
 
 /// Checks that every movable joint carries mass: that of its link or of a descendant.

@@ -165,3 +165,47 @@ fn a_robot_survives_a_round_trip_through_urdf() {
         assert_eq!(*a, b);
     }
 }
+
+#[test]
+fn a_file_that_is_too_deep_or_too_long_is_refused() {
+    let deep = |depth: usize| format!("<robot name=\"r\">{}{}</robot>", "<a>".repeat(depth), "</a>".repeat(depth));
+    let told = |text: &str| parse_urdf(text, Base::Fixed).unwrap_err().to_string();
+    let refusal = "more than 100 elements lie inside each other; a URDF needs no more than five";
+    assert_eq!(told(&deep(20_000)), refusal);
+    assert_eq!(told(&deep(DEEPEST_XML)), refusal);
+    assert_eq!(told(&deep(DEEPEST_XML - 1)), "0 links have no parent (); a robot has one root");
+    // What lies in a comment lies nowhere, and what is closed at once is not open.
+    let hidden = format!("<robot name=\"r\"><!--{}-->{}</robot>", "<a>".repeat(200), "<a b=\">\"/>".repeat(200));
+    assert_eq!(told(&hidden), "0 links have no parent (); a robot has one root");
+    let links: Vec<String> = (0..=MOST_LINKS).map(|k| link_text(&format!("l{k}"))).collect();
+    assert_eq!(error_of(&links), "501 links; at most 500 are simulated");
+}
+
+#[test]
+fn what_is_no_number_is_refused_by_name() {
+    let [a, b] = ["a", "b"].map(link_text);
+    let ab = |inside: &str| error_of(&[a.clone(), b.clone(), joint_text("ab", "revolute", "a", "b", inside)]);
+    let told = |what: &str, of: &str| format!("{what} of `{of}` is NaN, which is not a valid {what}");
+    for (inside, what) in [
+        ("<origin xyz=\"0 nan 0\"/>", "origin"),
+        ("<origin xyz=\"0 0 0\" rpy=\"nan 0 0\"/>", "orientation"),
+        ("<axis xyz=\"nan 0 0\"/>", "axis"),
+        ("<limit lower=\"nan\" upper=\"1\" effort=\"1\" velocity=\"1\"/>", "lower limit"),
+        ("<limit lower=\"-1\" upper=\"nan\" effort=\"1\" velocity=\"1\"/>", "upper limit"),
+        ("<limit lower=\"-1\" upper=\"1\" effort=\"1\" velocity=\"nan\"/>", "velocity"),
+        ("<dynamics damping=\"nan\" friction=\"0\"/>", "damping"),
+        ("<mimic joint=\"ab\" multiplier=\"nan\"/>", "multiplier"),
+    ] {
+        assert_eq!(ab(inside), told(what, "ab"));
+    }
+    for (before, what) in
+        [("<mass value=\"2", "mass"), ("xyz=\"0 0 0.1", "origin"), ("ixx=\"1", "ixx"), ("iyz=\"0", "iyz")]
+    {
+        let (start, _) = before.rsplit_once('"').unwrap();
+        let with = if what == "origin" { format!("{start}\"0 0 nan") } else { format!("{start}\"nan") };
+        assert_eq!(error_of(&[a.replace(before, &with)]), told(what, "a"));
+    }
+    let shape = "<collision><geometry><sphere radius=\"-1\"/></geometry></collision></link>";
+    let told = error_of(&[a.replace("</link>", shape)]);
+    assert_eq!(told, "radius of `a` is -1, which is not a valid radius");
+}
