@@ -156,6 +156,14 @@ pub enum IoError {
         /// The file.
         path: PathBuf,
     },
+    /// A file whose content does not match its checksums.
+    #[error("{}: the file is damaged: {what}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// The reader's message.
+        what: String,
+    },
     /// A recording without joint states.
     #[error("{}: no joint states on `{wanted}`; topics: {}", path.display(), list(topics))]
     NoStates {
@@ -207,6 +215,7 @@ impl IoError {
             | IoError::Csv { .. }
             | IoError::Twice { .. }
             | IoError::NotMcap { .. }
+            | IoError::Damaged { .. }
             | IoError::NoStates { .. }
             | IoError::Log { .. } => true,
         }
@@ -250,6 +259,9 @@ impl IoError {
             IoError::Csv { .. } => "save it as UTF-8, with commas between the cells".into(),
             IoError::Twice { .. } => "drop one of the two, or map only one of them in the [channels] table".into(),
             IoError::NotMcap { .. } => "check that it is an MCAP recording: mcap doctor FILE".into(),
+            IoError::Damaged { .. } => {
+                "copy it again from where it was recorded; `mcap recover FILE -o OTHER` saves what is whole".into()
+            }
             IoError::NoStates { .. } => {
                 "name the topic in the model's [channels.topics] table: states = \"/...\" (sensor_msgs/msg/JointState)"
                     .into()
