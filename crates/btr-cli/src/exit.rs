@@ -1,6 +1,6 @@
 //! Exit codes and the output of failures.
 
-use btr_lab::failure::{FOLDER_GONE, Failure};
+use btr_lab::failure::{FOLDER_GONE, Failure, STORAGE};
 
 /// Exit code of a run that was done.
 pub(crate) const DONE: u8 = 0;
@@ -23,5 +23,5 @@ pub(crate) fn report(failure: &Failure, json: bool) -> u8 {
             eprintln!("help: {help}");
         }
     }
-    if failure.code == FOLDER_GONE { MISSED } else { REFUSED }
+    if [FOLDER_GONE, STORAGE].contains(&failure.code) { MISSED } else { REFUSED }
 }

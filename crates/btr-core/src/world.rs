@@ -204,6 +204,12 @@ pub enum Outcome {
         /// What may still move the robot, and what to do.
         why: Text,
     },
+    /// The files of the test are damaged, or cannot be written; the run ends here, and asks for the test again when it
+    /// is resumed.
+    Storage {
+        /// Which file, and what is wrong with it.
+        why: Text,
+    },
 }
 
 /// Why trials cannot be announced.

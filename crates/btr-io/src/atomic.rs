@@ -6,8 +6,8 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
-/// The ending of temporary files.
-const SUFFIX: &str = ".tmp";
+/// The ending of temporary files. No other program's are swept by it.
+const SUFFIX: &str = ".btr.tmp";
 /// Random characters in the name of a temporary file.
 const RANDOM: usize = 6;
 
@@ -50,7 +50,7 @@ pub fn sweep_temporary(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Whether [`create_beside`] names its files so: `.log.csv.Ab3dEf.tmp`.
+/// Whether [`create_beside`] names its files so: `.log.csv.Ab3dEf.btr.tmp`.
 fn is_temporary(name: &str) -> bool {
     let inner = name.strip_prefix('.').and_then(|name| name.strip_suffix(SUFFIX));
     let parts = inner.and_then(|inner| inner.rsplit_once('.'));
@@ -116,7 +116,8 @@ mod tests {
     #[test]
     fn only_temporary_files_are_swept() {
         let folder = tempfile::tempdir().unwrap();
-        let kept = [".hidden.tmp", "log.csv.Ab3dEf.tmp", ".log.csv.Ab3d.tmp", ".log.csv.Ab3dEf.bak", "log.csv"];
+        let kept =
+            [".hidden.btr.tmp", "log.csv.Ab3dEf.btr.tmp", ".log.csv.Ab3d.btr.tmp", ".log.csv.Ab3dEf.tmp", "log.csv"];
         kept.iter().for_each(|name| fs::write(folder.path().join(name), b"").unwrap());
         let (_, killed) = create_beside(&folder.path().join("log.csv")).unwrap().keep().unwrap();
         assert!(killed.is_file());

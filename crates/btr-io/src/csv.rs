@@ -5,9 +5,9 @@
 //! unit is not the usual one of its name (a slide's `q_slider` in m) reads back with the usual one; MCAP keeps units.
 
 use super::error::{IoError, Warning};
-use super::mapping::Mapping;
-use super::names::{Meaning, header, seconds_per_unit};
-use super::series::{NamedSeries, assemble, check_size};
+use crate::channels::mapping::Mapping;
+use crate::channels::names::{Meaning, header, seconds_per_unit};
+use crate::channels::series::{NamedSeries, assemble, check_size};
 use btr_core::limits::LONGEST_LINE;
 use btr_core::log::{Log, Role};
 use csv::StringRecord;

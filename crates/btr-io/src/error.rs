@@ -157,13 +157,13 @@ pub enum IoError {
         /// The file.
         path: PathBuf,
     },
-    /// A recording that is damaged before its first message.
-    #[error("{}: damaged before the first message: {why}", path.display())]
+    /// A file whose content does not match its checksums.
+    #[error("{}: the file is damaged: {what}", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
         /// The reader's message.
-        why: String,
+        what: String,
     },
     /// A recording without joint states.
     #[error("{}: no joint states on `{wanted}`; topics: {}", path.display(), list(topics))]
@@ -274,7 +274,10 @@ impl IoError {
             IoError::Cells { .. } => "repair or remove that line; missing samples are empty cells".into(),
             IoError::Csv { .. } => "save it as UTF-8, with commas between the cells".into(),
             IoError::Twice { .. } => "drop one of the two, or map only one of them in the [channels] table".into(),
-            IoError::NotMcap { .. } | IoError::Damaged { .. } => "check that it is an MCAP recording: mcap doctor FILE".into(),
+            IoError::NotMcap { .. } => "check that it is an MCAP recording: mcap doctor FILE".into(),
+            IoError::Damaged { .. } => {
+                "copy it again from where it was recorded; `mcap recover FILE -o OTHER` saves what is whole".into()
+            }
             IoError::NoStates { .. } => {
                 "name the topic in the model's [channels.topics] table: states = \"/...\" (sensor_msgs/msg/JointState)"
                     .into()

@@ -29,30 +29,29 @@
 
 mod atomic;
 mod bag;
+mod channels;
 mod csv;
 mod data_set;
 mod error;
 #[cfg(feature = "parquet")]
 mod lerobot;
-mod mapping;
 #[cfg(feature = "mcap")]
 mod mcap;
 mod meta;
-mod names;
 mod regular;
-mod renamed;
-mod series;
 #[cfg(test)]
 mod tests;
 
+use channels::{names, series};
+
 pub use crate::atomic::{can_write, sweep_temporary, write_whole};
+pub use channels::mapping::{ForeignName, Mapping, Topics};
+pub use channels::renamed::renamed;
 pub use error::{IoError, Warning};
-pub use mapping::{ForeignName, Mapping, Topics};
 #[cfg(feature = "mcap")]
 pub use mcap::Recording;
 pub use meta::Meta;
 pub use regular::read_text;
-pub use renamed::renamed;
 
 use btr_core::log::Log;
 use std::path::Path;

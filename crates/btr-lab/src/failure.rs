@@ -17,6 +17,9 @@ pub const FINITE_LAW: &str = "a law must give a finite number at every point tha
 /// Code of a run whose folder is gone: it was carried out in part.
 pub const FOLDER_GONE: &str = "folder_gone";
 
+/// Code of a run that could not write its files, or found those of a test damaged: it was carried out in part.
+pub const STORAGE: &str = "storage";
+
 /// Why a verb failed.
 #[derive(Debug)]
 pub struct Failure {

@@ -39,9 +39,7 @@ pub fn write(experiment: &Experiment, run: &Run, report: &RunReport) -> Result<V
     }
     let meta = meta(experiment, run)?;
     for (name, log) in [("real", real), ("simulated_before", &before), ("simulated_after", &after)] {
-        let path = run.folder().join(format!("{name}.mcap"));
-        btr_io::write_log(&path, log, &meta)?;
-        files.push(path);
+        files.push(run.write_log(&format!("{name}.mcap"), log, &meta)?);
     }
     Ok(files)
 }

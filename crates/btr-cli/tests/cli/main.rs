@@ -12,6 +12,7 @@ mod disengage;
 mod doubts;
 mod freeze;
 mod glitches;
+mod integrity;
 mod inverse_dynamics;
 mod lab;
 mod limits;

@@ -253,7 +253,7 @@ fn output_is_bounded_and_litter_swept() {
         let size = std::fs::metadata(lab.path(&format!("run/transfers/000{k}/try-1.out"))).unwrap().len();
         assert!(1_000_000 < size && size < 1_100_000, "{size} bytes");
     }
-    let litter = ["run/.checkpoint.bin.Ab3dEf.tmp", "run/transfers/0001/.log.csv.0aB1cD.tmp"];
+    let litter = ["run/.checkpoint.bin.Ab3dEf.btr.tmp", "run/transfers/0001/.log.csv.0aB1cD.btr.tmp"];
     litter.iter().for_each(|name| lab.write(name, "half"));
     lab.ok("coevolve small.toml --out run -q --resume --set coevolve.iterations=1");
     assert!(litter.iter().all(|name| !lab.exists(name)));

@@ -99,11 +99,6 @@ fn a_folder_in_use_and_another_experiment_are_refused() {
     }
     let told = lab.complaint("coevolve small.toml --out nowhere --resume");
     assert_eq!(told, "error: nowhere contains no run to resume\nhelp: start it without --resume\n");
-    let bytes = std::fs::read(lab.path("run/checkpoint.bin")).unwrap();
-    std::fs::write(lab.path("run/checkpoint.bin"), &bytes[..bytes.len() / 2]).unwrap();
-    let told = lab.complaint("coevolve small.toml --out run --resume");
-    assert!(told.contains("run/checkpoint.bin is not a checkpoint of this version"), "{told}");
-    assert!(lab.exists("run/transfers/0003/log.mcap"));
 }
 
 #[test]
@@ -122,7 +117,7 @@ fn a_real_test_that_is_gone_is_named() {
     lab.ok("coevolve small.toml --out run -q --resume");
     std::fs::remove_file(lab.path("run/transfers/0001/log.csv")).unwrap();
     let told = lab.complaint("coevolve small.toml --out run -q --resume");
-    assert!(told.contains("real test 1 is in the ledger but its log is not"), "{told}");
+    assert!(told.contains("real test 1 is in the ledger but its log cannot be used"), "{told}");
     assert!(told.contains("help: put the log back into its folder under transfers/"), "{told}");
 }
 

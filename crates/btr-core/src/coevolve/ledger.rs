@@ -1,7 +1,7 @@
 //! The ledger of real tests: trials, their predictions and outcomes.
 
 use crate::text::Text;
-use crate::world::{Behaviour, Outcome, Reality, Trial};
+use crate::world::{AnnounceError, Behaviour, Outcome, Reality, Trial};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -91,9 +91,20 @@ pub(super) enum NoOutcome {
     Pending(Text),
     /// Something may still move the robot.
     Unsafe(Text),
+    /// Its files are damaged, or cannot be written.
+    Storage(Text),
 }
 
-/// Error when the ledger of a checkpoint names a real test whose log is gone.
+impl From<AnnounceError> for NoOutcome {
+    fn from(error: AnnounceError) -> Self {
+        match error {
+            AnnounceError::Storage(why) => NoOutcome::Storage(why),
+            other => NoOutcome::Pending(other.text()),
+        }
+    }
+}
+
+/// Error when the ledger of a checkpoint names a real test whose log is gone or damaged.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{}", self.text())]
 pub struct RecallError {
@@ -106,7 +117,8 @@ pub struct RecallError {
 impl RecallError {
     /// The error as a text.
     pub fn text(&self) -> Text {
-        Text::from(format!("real test {} is in the ledger but its log is not: ", self.number)) + self.why.clone()
+        Text::from(format!("real test {} is in the ledger but its log cannot be used: ", self.number))
+            + self.why.clone()
     }
 }
 
@@ -145,6 +157,7 @@ impl Ledger {
             Outcome::Failed { why } => (TestVerdict::Failed { why }, None),
             Outcome::Pending { what } => return Err(NoOutcome::Pending(what)),
             Outcome::Unsafe { why } => return Err(NoOutcome::Unsafe(why)),
+            Outcome::Storage { why } => return Err(NoOutcome::Storage(why)),
         };
         self.entries.push(Entry { trial, promised, promised_ci95, verdict, behaviour });
         Ok(())
@@ -153,7 +166,7 @@ impl Ledger {
     /// Fetches the behaviours after the ledger was read from a checkpoint.
     ///
     /// # Errors
-    /// A trial whose result reality no longer has.
+    /// A trial whose result reality no longer has, or has damaged.
     pub fn recall(&mut self, reality: &mut dyn Reality) -> Result<(), RecallError> {
         for entry in &mut self.entries {
             if matches!(entry.verdict, TestVerdict::Failed { .. }) || entry.behaviour.is_some() {
@@ -162,7 +175,7 @@ impl Ledger {
             entry.behaviour = match reality.recall(&entry.trial) {
                 Outcome::Done(behaviour) => Some(behaviour),
                 Outcome::Failed { why } => return Err(RecallError { number: entry.trial.number, why: why.into() }),
-                Outcome::Pending { what: why } | Outcome::Unsafe { why } => {
+                Outcome::Pending { what: why } | Outcome::Unsafe { why } | Outcome::Storage { why } => {
                     return Err(RecallError { number: entry.trial.number, why });
                 }
             };

@@ -9,9 +9,9 @@ mod table;
 
 use super::data_set::place;
 use super::error::{IoError, Warning};
-use super::mapping::Mapping;
 use super::regular::read_text;
-use super::series::assemble;
+use crate::channels::mapping::Mapping;
+use crate::channels::series::assemble;
 use btr_core::log::Log;
 use indexmap::IndexMap;
 use names::{COLUMNS, channels};

@@ -1,8 +1,8 @@
 //! Resamples several topics on the joint states' clock: commands are held, the rest is interpolated.
 
 use super::other::{Names, Sample, TopicKind};
+use crate::channels::series::check_size;
 use crate::error::{IoError, Warning};
-use crate::series::check_size;
 use btr_core::log::{hold, interpolate};
 use std::path::Path;
 

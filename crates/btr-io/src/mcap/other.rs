@@ -3,7 +3,7 @@
 use super::ros::{
     Float64MultiArray, Imu, JointState, JointTrajectory, Quaternion, Time, TrajectoryPoint, Vector3, decode,
 };
-use crate::mapping::Topics;
+use crate::channels::mapping::Topics;
 use indexmap::IndexSet;
 use serde_json::Value;
 

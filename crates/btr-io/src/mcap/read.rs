@@ -1,9 +1,10 @@
 //! Reads MCAP: from `/btr/channels` if present, else from the standard topics.
 
 use super::recording::Recording;
+use crate::channels::mapping::Mapping;
 use crate::error::{IoError, Warning};
-use crate::mapping::Mapping;
 use btr_core::log::Log;
+use mcap::McapError;
 use mcap::parse_record;
 use mcap::read::ChannelAccumulator;
 use mcap::records::{Record, op};
@@ -16,10 +17,15 @@ use std::path::Path;
 /// memory.
 const LONGEST_RECORD: usize = 1 << 28;
 
-/// Reads a log. `path` is used in messages only.
+/// Reads a log. `path` is used in messages only. Checksums are compared where the file has them, nothing of a file that
+/// does not match them is used.
 pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
-    let mut bytes = after_magic(path, bytes)?;
-    let options = LinearReaderOptions::default().with_skip_start_magic(true).with_record_length_limit(LONGEST_RECORD);
+    let mut bytes = with_magic(path, bytes)?;
+    let options = LinearReaderOptions::default()
+        .with_record_length_limit(LONGEST_RECORD)
+        .with_validate_chunk_crcs(true)
+        .with_validate_data_section_crc(true)
+        .with_validate_summary_section_crc(true);
     let mut reader = LinearReader::new_with_options(options);
     let (mut recording, mut records) = (Recording::new(mapping), Records::default());
     while let Some(event) = reader.next_event().filter(|_| !recording.is_full()) {
@@ -28,6 +34,9 @@ pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(
                 fill(&mut bytes, reader.insert(count)).map(|filled| reader.notify_read(filled))
             }
             Ok(LinearReadEvent::Record { opcode, data }) => records.take(opcode, data, &mut recording),
+            Err(error) if is_damage(&error) => {
+                return Err(IoError::Damaged { path: path.to_owned(), what: error.to_string() });
+            }
             Err(error) => Err(error.to_string()),
         };
         if let Err(why) = taken {
@@ -107,14 +116,26 @@ fn after_text(data: &[u8]) -> Option<&[u8]> {
     rest.get(u32::from_le_bytes(*length) as usize..)
 }
 
-/// The bytes after the eight magic bytes of MCAP.
-fn after_magic<R: Read>(path: &Path, mut bytes: R) -> Result<R, IoError> {
+/// Whether the bytes are not those that were written. Any other error is one of a file that was cut.
+fn is_damage(error: &McapError) -> bool {
+    matches!(
+        error,
+        McapError::BadChunkCrc { .. }
+            | McapError::BadDataCrc { .. }
+            | McapError::BadSummaryCrc { .. }
+            | McapError::BadAttachmentCrc { .. }
+            | McapError::DecompressionError(_)
+    )
+}
+
+/// The bytes, after a look at the eight magic bytes of MCAP. These belong to the checksum of the data.
+fn with_magic(path: &Path, mut bytes: impl Read) -> Result<impl Read, IoError> {
     let mut magic = Vec::new();
     let start = bytes.by_ref().take(mcap::MAGIC.len() as u64).read_to_end(&mut magic);
     start.map_err(|source| IoError::File { path: path.to_owned(), source })?;
     match magic.as_slice() {
         [] => Err(IoError::Empty { path: path.to_owned() }),
-        magic if magic == mcap::MAGIC => Ok(bytes),
+        found if found == mcap::MAGIC => Ok(mcap::MAGIC.chain(bytes)),
         _ => Err(IoError::NotMcap { path: path.to_owned() }),
     }
 }

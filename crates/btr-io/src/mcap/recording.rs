@@ -2,9 +2,9 @@
 
 use super::other::{Names, Sample, TopicFormat, TopicKind, format, samples};
 use super::{merge, own};
+use crate::channels::mapping::Mapping;
+use crate::channels::series::check_size;
 use crate::error::{IoError, Warning};
-use crate::mapping::Mapping;
-use crate::series::check_size;
 use btr_core::limits::{MOST_COLUMNS, MOST_VALUES};
 use btr_core::log::Log;
 use indexmap::IndexMap;
@@ -137,7 +137,8 @@ impl<'a> Recording<'a> {
         }
         let Some(merged) = merge::merge(path, self.samples, &self.names)? else {
             if let (0, Some(why)) = (self.messages, self.broken) {
-                return Err(IoError::Damaged { path: path.to_owned(), why });
+                let what = format!("before the first message: {why}");
+                return Err(IoError::Damaged { path: path.to_owned(), what });
             }
             let topics = self.types.iter().map(|(topic, schema)| format!("{topic} ({schema})")).collect();
             return Err(IoError::NoStates {
@@ -147,7 +148,7 @@ impl<'a> Recording<'a> {
             });
         };
         self.warnings.extend(merged.warnings);
-        let (log, more) = crate::series::assemble(
+        let (log, more) = crate::channels::series::assemble(
             path,
             merged.clock_s,
             merged.series.into_iter().map(|(name, values)| self.mapping.series(name, values)).collect(),

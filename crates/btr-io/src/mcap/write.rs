@@ -6,7 +6,7 @@ use super::views::{BaseView, ImuView, Joints};
 use crate::meta::Meta;
 use btr_core::log::Log;
 use mcap::records::{MessageHeader, Metadata};
-use mcap::{Attachment, WriteOptions, Writer};
+use mcap::{Attachment, McapError, WriteOptions, Writer};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{self, Seek, Write};
@@ -21,7 +21,7 @@ pub(crate) fn write(log: &Log, meta: &Meta, out: impl Write + Seek) -> io::Resul
         .library(concat!("btr ", env!("CARGO_PKG_VERSION")))
         .chunk_size(Some(256 * 1024))
         .compression_threads(0);
-    let mut recorder = McapWriter { writer: options.create(out).map_err(io::Error::other)?, message: Vec::new() };
+    let mut recorder = McapWriter { writer: options.create(out).map_err(why)?, message: Vec::new() };
     recorder.describe(meta)?;
     let topics = TopicNumbers::new(log, meta, &mut recorder)?;
     let start_ns = ns_after(log, 0);
@@ -40,8 +40,16 @@ pub(crate) fn write(log: &Log, meta: &Meta, out: impl Write + Seek) -> io::Resul
             recorder.send(*channel, ns, &base.message(i, ns))?;
         }
     }
-    recorder.writer.finish().map_err(io::Error::other)?;
+    recorder.writer.finish().map_err(why)?;
     Ok(())
+}
+
+/// The system's own error where there is one: it tells of a full disk.
+fn why(error: McapError) -> io::Error {
+    match error {
+        McapError::Io(source) => source,
+        other => io::Error::other(other),
+    }
 }
 
 /// Nanoseconds of a tick as MCAP counts them: from 0, or from the first tick where that is negative.
@@ -61,7 +69,7 @@ impl<W: Write + Seek> McapWriter<W> {
     fn describe(&mut self, meta: &Meta) -> io::Result<()> {
         let mut notes = meta.notes.clone();
         notes.insert("version".into(), env!("CARGO_PKG_VERSION").into());
-        self.writer.write_metadata(&Metadata { name: "btr".into(), metadata: notes }).map_err(io::Error::other)?;
+        self.writer.write_metadata(&Metadata { name: "btr".into(), metadata: notes }).map_err(why)?;
         let Some(toml) = &meta.model_toml else { return Ok(()) };
         let attachment = Attachment {
             log_time: 0,
@@ -70,7 +78,7 @@ impl<W: Write + Seek> McapWriter<W> {
             media_type: "application/toml".into(),
             data: Cow::Borrowed(toml.as_bytes()),
         };
-        self.writer.attach(&attachment).map_err(io::Error::other)
+        self.writer.attach(&attachment).map_err(why)
     }
 
     /// Adds a topic if it has a view.
@@ -86,8 +94,8 @@ impl<W: Write + Seek> McapWriter<W> {
         definition: &str,
         metadata: &BTreeMap<String, String>,
     ) -> io::Result<u16> {
-        let schema = self.writer.add_schema(name, "ros2msg", definition.as_bytes()).map_err(io::Error::other)?;
-        self.writer.add_channel(schema, topic, "cdr", metadata).map_err(io::Error::other)
+        let schema = self.writer.add_schema(name, "ros2msg", definition.as_bytes()).map_err(why)?;
+        self.writer.add_channel(schema, topic, "cdr", metadata).map_err(why)
     }
 
     fn send<T: Ros>(&mut self, channel_id: u16, ns: u64, message: &T) -> io::Result<()> {
@@ -105,7 +113,7 @@ impl<W: Write + Seek> McapWriter<W> {
 
     fn write(&mut self, channel_id: u16, ns: u64, data: &[u8]) -> io::Result<()> {
         let header = MessageHeader { channel_id, sequence: 0, log_time: ns, publish_time: ns };
-        self.writer.write_to_known_channel(&header, data).map_err(io::Error::other)
+        self.writer.write_to_known_channel(&header, data).map_err(why)
     }
 }
 

@@ -48,7 +48,7 @@ fn every_message_with_a_joint_of_its_own_would_fill_the_memory() {
     let told = recording.into_log(Path::new("bag")).unwrap_err().to_string();
     assert_eq!(told, format!("bag: more than {MOST_COLUMNS} columns, the most that is read"));
     // A channel has a value at every tick of the clock.
-    let error = crate::series::check_size(Path::new("bag"), MOST_VALUES / 100 + 1, 100).unwrap_err();
+    let error = crate::channels::series::check_size(Path::new("bag"), MOST_VALUES / 100 + 1, 100).unwrap_err();
     assert_eq!(error.to_string(), format!("bag: more than {MOST_VALUES} values, the most that is read"));
 }
 

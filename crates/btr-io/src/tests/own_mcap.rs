@@ -103,3 +103,57 @@ proptest! {
         let _ = read(&file);
     }
 }
+
+/// A walk's messages as a writer with these options writes them.
+fn written(options: ::mcap::WriteOptions) -> Vec<u8> {
+    let mut out = std::io::Cursor::new(Vec::new());
+    let mut writer = options.chunk_size(Some(2000)).create(&mut out).unwrap();
+    for message in MessageStream::new(&bytes(&walk(100), &Meta::default())).unwrap() {
+        writer.write(&message.unwrap()).unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    out.into_inner()
+}
+
+#[test]
+fn no_flipped_bit_is_read_as_another_log() {
+    let file = bytes(&walk(20), &Meta::default());
+    let whole = read(&file).unwrap();
+    assert!(whole.1.is_empty());
+    let mut damaged = 0;
+    for bit in (0..8 * file.len()).step_by(23) {
+        let mut flipped = file.clone();
+        flipped[bit / 8] ^= 1 << (bit % 8);
+        match read(&flipped) {
+            Ok((_, warnings)) => assert!(warnings.iter().any(Warning::is_half), "bit {bit}: {warnings:?}"),
+            Err(error) => damaged += usize::from(matches!(error, IoError::Damaged { .. })),
+        }
+    }
+    assert!(damaged > file.len() / 4, "{damaged} of {}", 8 * file.len() / 23);
+}
+
+#[test]
+fn each_checksum_is_compared_and_none_has_to_be_there() {
+    let without = || ::mcap::WriteOptions::new().compression(None).calculate_chunk_crcs(false);
+    let without = || without().calculate_data_section_crc(false).calculate_summary_section_crc(false);
+    let none = written(without());
+    assert!(read(&none).unwrap().1.is_empty());
+    for (options, in_summary, told) in [
+        (without().calculate_chunk_crcs(true), false, "Chunk CRC failed"),
+        (without().calculate_data_section_crc(true).use_chunks(false), false, "Data section CRC failed"),
+        (without().calculate_summary_section_crc(true), true, "Summary section CRC failed"),
+    ] {
+        let mut file = written(options);
+        assert!(read(&file).unwrap().1.is_empty());
+        // The channel is named twice: before the messages, in their data, and in the summary.
+        let name = |part: &[u8]| part == b"float64 q_hip";
+        let in_file =
+            |mut parts: std::slice::Windows<u8>| if in_summary { parts.rposition(name) } else { parts.position(name) };
+        let at = in_file(file.windows(13)).unwrap();
+        file[at + 12] ^= 1;
+        let error = read(&file).unwrap_err();
+        assert!(error.to_string().starts_with(&format!("walk.mcap: the file is damaged: {told}")), "{error}");
+        assert!(error.help().to_string().contains("mcap recover"), "{}", error.help());
+    }
+}

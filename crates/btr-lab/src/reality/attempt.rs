@@ -2,7 +2,7 @@
 
 use super::program::{End, OutputFiles, POLL, Program, Record, listed, tell};
 use super::settings::CommandSettings;
-use super::store::{Store, StoreError};
+use super::store::{Store, StoreError, checksums};
 use crate::execution::ExecutionContext;
 use btr_core::world::Outcome;
 use std::path::{Path, PathBuf};
@@ -87,7 +87,9 @@ impl Try<'_> {
             End::Exit(status) if status.success() => match self.store.judge(&self.log()) {
                 Ok(outcome @ Outcome::Done(_)) => return self.keep(outcome).map(Attempt::Decided),
                 Ok(Outcome::Failed { why }) => why,
-                Ok(Outcome::Pending { what: why } | Outcome::Unsafe { why }) => why.to_string(),
+                Ok(Outcome::Pending { what: why } | Outcome::Unsafe { why } | Outcome::Storage { why }) => {
+                    why.to_string()
+                }
                 Err(error) => error.to_string(),
             },
             End::Exit(status) => format!("`{program}` ended with {status}; see {name}.err"),
@@ -125,6 +127,7 @@ impl Try<'_> {
     fn keep(&self, outcome: Outcome) -> Result<Outcome, StoreError> {
         let path = self.folder.join(format!("log.{}", self.settings.log));
         std::fs::rename(self.log(), &path).map_err(|source| StoreError::Io { path, source })?;
+        checksums::record(self.folder)?;
         Ok(outcome)
     }
 

@@ -10,7 +10,7 @@ use super::attempt::{Attempt, Try, interrupted};
 use super::program::{POLL, Record, tell};
 use super::revealed::Revealing;
 use super::settings::CommandSettings;
-use super::store::{Store, StoreError, or_pending};
+use super::store::{Store, StoreError, outcome_of};
 use crate::execution::ExecutionContext;
 use btr_core::world::{Outcome, Reality, Trial};
 use btr_physics::model::Model;
@@ -106,7 +106,7 @@ impl CommandReality {
 
 impl Reality for CommandReality {
     fn test(&mut self, trial: &Trial) -> Outcome {
-        or_pending(self.perform(trial))
+        outcome_of(self.perform(trial))
     }
 
     fn recall(&mut self, trial: &Trial) -> Outcome {

@@ -2,11 +2,10 @@
 
 use super::commands::with_commands;
 use super::revealed::Revealing;
-use super::store::{Store, StoreError, or_pending};
+use super::store::{Store, StoreError, outcome_of};
 use crate::log_quality::usable;
 use btr_core::log::Log;
 use btr_core::world::{Outcome, Reality, Trial};
-use btr_io::Meta;
 use btr_physics::model::Model;
 use btr_physics::robot::Base;
 use nalgebra::Isometry3;
@@ -77,7 +76,7 @@ impl FunctionReality {
                 // The references are known even if the log has no commands.
                 None => {
                     let log = self.store.on_the_tests_clock(log);
-                    self.store.keep(trial, &with_commands(&log, &references), &Meta::default())
+                    self.store.keep_or_put_aside(trial, &with_commands(&log, &references))
                 }
             },
             Err(TestFailure::Failed(why)) => self.store.fail(trial, &why),
@@ -101,7 +100,7 @@ impl FunctionReality {
 
 impl Reality for FunctionReality {
     fn test(&mut self, trial: &Trial) -> Outcome {
-        or_pending(self.perform(trial))
+        outcome_of(self.perform(trial))
     }
 
     fn recall(&mut self, trial: &Trial) -> Outcome {

@@ -1,7 +1,7 @@
 //! A person operates the robot: trials are written to disk, and the run waits until their logs exist.
 
 use super::revealed::Revealing;
-use super::store::{Store, StoreError, or_pending};
+use super::store::{Store, StoreError, outcome_of};
 use btr_core::text::{Mention, Text};
 use btr_core::world::{AnnounceError, Outcome, Reality, Trial};
 use btr_physics::model::Model;
@@ -42,7 +42,7 @@ impl Reality for ManualReality {
     }
 
     fn test(&mut self, trial: &Trial) -> Outcome {
-        or_pending(self.perform(trial))
+        outcome_of(self.perform(trial))
     }
 }
 

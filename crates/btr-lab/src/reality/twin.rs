@@ -1,7 +1,7 @@
 //! The hidden twin: a simulation with hidden parameters and effects that replaces the robot.
 
 use super::revealed::{Revealed, Revealing};
-use super::store::{Store, StoreError, or_pending};
+use super::store::{Store, StoreError, outcome_of};
 use btr_core::world::{Outcome, Reality, Simulator, Trial};
 use btr_io::Meta;
 use btr_physics::model::Model;
@@ -59,7 +59,7 @@ impl TwinReality {
 impl Reality for TwinReality {
     fn test(&mut self, trial: &Trial) -> Outcome {
         self.latest = self.latest.max(trial.number);
-        or_pending(self.perform(trial))
+        outcome_of(self.perform(trial))
     }
 }
 

@@ -7,7 +7,7 @@ use super::identify;
 use super::report;
 use super::report::{ByDistance, RunReport};
 use crate::experiment::Experiment;
-use crate::failure::Failure;
+use crate::failure::{Failure, STORAGE};
 use crate::model_text;
 use crate::model_text::SpacePoint;
 use btr_core::coevolve::{Coevolution, StepOutcome, StopReason};
@@ -93,8 +93,10 @@ pub fn coevolve(
     let mut reported = ReportedDoubts::default();
     // Findings of earlier tests were reported when those tests were done.
     reported.new_in(experiment, run.state().ledger().entries());
+    let mut repaired = run.repaired().map(str::to_owned);
     loop {
         watch.begins(experiment, run.state());
+        repaired.take().iter().for_each(|told| watch.warn(told));
         let exit = turn(&mut run, experiment, &mut reported, watch)?;
         if goes_on(&mut run, experiment, &exit, watch)? {
             continue;
@@ -125,6 +127,7 @@ fn turn(
         match step {
             StepOutcome::Stopped(reason) => return Ok(LoopExit::Stopped(reason)),
             StepOutcome::Unsafe(why) => return Err(robot_not_known_to_stand_still(why)),
+            StepOutcome::Storage(why) => return Err(not_stored(why)),
             // What ends as the run is interrupted is not waited for.
             StepOutcome::Waiting(_) if watch.stops() => return Ok(LoopExit::Interrupted),
             StepOutcome::Waiting(what) => return Ok(LoopExit::Waiting(what)),
@@ -139,6 +142,11 @@ fn turn(
 fn robot_not_known_to_stand_still(why: Text) -> Failure {
     let help = Text::from("see that the robot stands still, then ") + Mention::RunAgain;
     Failure::new("robot", why, Some(help))
+}
+
+fn not_stored(why: Text) -> Failure {
+    let help = Text::from("put an undamaged file back, or see that there is room to write, then ") + Mention::RunAgain;
+    Failure::new(STORAGE, why, Some(help))
 }
 
 /// Diagnoses a run that stopped disengaged. Whether it continues, in a larger S or from a better estimate.

@@ -1,40 +1,44 @@
 //! A run with its folder: begin, resume, step, checkpoint.
 
 use super::augment::Cause;
+use super::checkpoint;
+use super::files::{CHECKPOINT, EXPERIMENT, checkpoint_path, locked, write_in};
 use super::lock::FolderLock;
 use super::rescue::rescue;
 use super::run_error::RunError;
 use crate::distributed::{RemoteSimulator, RunPayloads, TestComparison};
 use crate::experiment::Experiment;
-use crate::model_text::enlarges;
-use btr_core::coevolve::{Coevolution, Environment, Explanation, Plan, RunState, StepOutcome, StopReason};
+use btr_core::coevolve::{Coevolution, Environment, Explanation, Plan, StepOutcome, StopReason};
 use btr_core::distance::Distance;
+use btr_core::log::Log;
 use btr_identify::LadderStep;
 use btr_identify::diagnose::Verdict;
+use btr_io::Meta;
 use serde::{Deserialize, Serialize};
-use std::io::Write;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-
-/// First bytes of a checkpoint: name and version of the format.
-const MAGIC: &[u8; 8] = b"btr-cp\x00\x06";
 
 /// A run with its folder.
 pub struct Run {
-    folder: PathBuf,
-    lock: FolderLock,
+    pub(super) folder: PathBuf,
+    pub(super) lock: FolderLock,
     /// The stamp of the experiment that the run began with.
-    stamp: String,
-    distance: Box<dyn Distance>,
-    state: Coevolution,
-    larger: Enlargement,
-    payloads: RunPayloads,
+    pub(super) stamp: String,
+    pub(super) distance: Box<dyn Distance>,
+    pub(super) state: Coevolution,
+    pub(super) larger: Enlargement,
+    pub(super) payloads: RunPayloads,
+    /// Damage that was repaired as the run was resumed.
+    pub(super) repaired: Option<String>,
+    /// Whether it is a part of another run, with which it would be computed again.
+    pub(super) is_part: bool,
 }
 
 /// State of a checkpoint in addition to the loop's state.
 #[derive(Default, Serialize, Deserialize)]
-struct Enlargement {
+pub(super) struct Enlargement {
     /// The experiment's text after S has grown.
-    text: Option<String>,
+    pub(super) text: Option<String>,
     /// The last diagnosis of the disengagement.
     cause: Option<Cause>,
     /// The explanation of the tests that belongs to the diagnosis.
@@ -47,14 +51,14 @@ impl Run {
     /// # Errors
     /// A folder in use, or a plan that does not fit.
     pub fn begin(experiment: &Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
-        let lock = FolderLock::of(folder)?;
+        let lock = locked(folder)?;
         if checkpoint_path(folder).exists() {
             return Err(RunError::Exists(folder.to_owned()));
         }
         Run::anew(experiment, plan, folder, lock)
     }
 
-    fn anew(experiment: &Experiment, plan: Plan, folder: &Path, lock: FolderLock) -> Result<Self, RunError> {
+    pub(super) fn anew(experiment: &Experiment, plan: Plan, folder: &Path, lock: FolderLock) -> Result<Self, RunError> {
         let distance = plan.distance.build();
         let state = Coevolution::new(plan, experiment.seed, experiment.model.as_ref())?;
         let run = Run {
@@ -65,56 +69,12 @@ impl Run {
             state,
             larger: Enlargement::default(),
             payloads: RunPayloads::default(),
+            repaired: None,
+            is_part: false,
         };
-        run.write("experiment.toml", run.stamp.as_bytes())?;
-        run.checkpoint()?;
+        write_in(folder, EXPERIMENT, run.stamp.as_bytes())?;
+        write_in(folder, CHECKPOINT, &run.checkpoint_bytes()?)?;
         Ok(run)
-    }
-
-    /// Resumes a run from its last checkpoint. If the experiment's S is larger than the run's, the run continues in the
-    /// larger one.
-    ///
-    /// # Errors
-    /// No run in the folder, another experiment, a damaged checkpoint, or a real test whose log is missing.
-    pub fn resume(experiment: &mut Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
-        if !checkpoint_path(folder).exists() {
-            return Err(RunError::NoRun(folder.to_owned()));
-        }
-        let lock = FolderLock::of(folder)?;
-        sweep(folder)?;
-        Run::locked(experiment, plan, folder, lock)
-    }
-
-    fn locked(experiment: &mut Experiment, plan: Plan, folder: &Path, lock: FolderLock) -> Result<Self, RunError> {
-        let path = checkpoint_path(folder);
-        let bytes = std::fs::read(&path).map_err(|_| RunError::NoRun(folder.to_owned()))?;
-        let damaged = |why: &str| RunError::Checkpoint { path: path.clone(), why: why.to_owned() };
-        let body = bytes.strip_prefix(MAGIC).ok_or_else(|| damaged("unknown header"))?;
-        let (larger, state): (Enlargement, RunState) =
-            postcard::from_bytes(body).map_err(|e| damaged(&e.to_string()))?;
-        let requested = in_space_of_run(experiment, larger.text.as_deref(), folder)?;
-        let mut state = Coevolution::resumed(plan, state);
-        state.recall(experiment.reality.as_mut()).map_err(|error| RunError::LostTest(error.text()))?;
-        let distance = state.plan().distance.build();
-        let stamp = stamp_of(folder);
-        let payloads = RunPayloads::default();
-        let mut run = Run { folder: folder.to_owned(), lock, stamp, distance, state, larger, payloads };
-        if let Some(text) = requested {
-            run.enlarge(experiment, text)?;
-        }
-        Ok(run)
-    }
-
-    /// Resumes a run of exactly this experiment, S included, or begins a new one. For results that can be computed
-    /// again from the real tests of another run.
-    ///
-    /// # Errors
-    /// As [`Run::begin`] and [`Run::resume`].
-    pub fn begin_or_resume(experiment: &mut Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
-        if checkpoint_path(folder).exists() && stamp_of(folder) == experiment.stamp() {
-            return Run::resume(experiment, plan, folder);
-        }
-        Run::anew(experiment, plan, folder, FolderLock::of(folder)?)
     }
 
     /// Executes the next unit of work and writes a checkpoint.
@@ -175,7 +135,7 @@ impl Run {
     }
 
     /// Continues with the experiment of this text, which has more parameters.
-    fn enlarge(&mut self, experiment: &mut Experiment, text: String) -> Result<(), RunError> {
+    pub(super) fn enlarge(&mut self, experiment: &mut Experiment, text: String) -> Result<(), RunError> {
         experiment.enlarge(text.clone())?;
         self.state.enlarge(&experiment.model.simulations);
         self.explain(experiment);
@@ -204,80 +164,61 @@ impl Run {
         &self.folder
     }
 
+    /// Damage that was repaired as the run was resumed, as a sentence.
+    pub fn repaired(&self) -> Option<&str> {
+        self.repaired.as_deref()
+    }
+
     /// Writes a file of the run atomically.
     ///
     /// # Errors
     /// A failed write.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<PathBuf, RunError> {
         self.check_folder()?;
+        write_in(&self.folder, name, bytes).map_err(|error| self.lost_or(error))
+    }
+
+    /// Writes a log of the run atomically.
+    ///
+    /// # Errors
+    /// A failed write.
+    pub fn write_log(&self, name: &str, log: &Log, meta: &Meta) -> Result<PathBuf, RunError> {
+        self.check_folder()?;
         let path = self.folder.join(name);
-        btr_io::write_whole(&path, |file| file.write_all(bytes))
-            .map_err(|source| RunError::Io { path: path.clone(), source })?;
-        Ok(path)
+        match btr_io::write_log(&path, log, meta) {
+            Ok(()) => Ok(path),
+            Err(error) => Err(self.lost_or(RunError::Log(error))),
+        }
+    }
+
+    /// Why a file could not be written, once the run had begun.
+    fn lost_or(&self, error: RunError) -> RunError {
+        self.check_folder().err().unwrap_or_else(|| RunError::Unwritable(Box::new(error)))
     }
 
     fn checkpoint(&self) -> Result<(), RunError> {
-        self.write("checkpoint.bin", &self.checkpoint_bytes()?).map(|_| ())
+        self.write(CHECKPOINT, &self.checkpoint_bytes()?).map(|_| ())
     }
 
     fn checkpoint_bytes(&self) -> Result<Vec<u8>, RunError> {
-        let body = postcard::to_allocvec(&(&self.larger, self.state.state()))
+        let state = postcard::to_allocvec(&(&self.larger, self.state.state()))
             .map_err(|e| RunError::Checkpoint { path: checkpoint_path(&self.folder), why: e.to_string() })?;
-        Ok([MAGIC.as_slice(), &body].concat())
+        Ok(checkpoint::bytes(&self.stamp, &state))
     }
 
     /// Checks that the folder is still there. If not, no test may begin: what is in memory is written beside it.
-    fn check_folder(&self) -> Result<(), RunError> {
+    ///
+    /// # Errors
+    /// [`RunError::FolderGone`], which says where that is.
+    pub(super) fn check_folder(&self) -> Result<(), RunError> {
         if self.lock.is_in_place() {
             return Ok(());
         }
+        if self.is_part {
+            return Err(RunError::Io { path: self.folder.clone(), source: ErrorKind::NotFound.into() });
+        }
         let checkpoint = self.checkpoint_bytes()?;
-        let files = [("experiment.toml", self.stamp.as_bytes()), ("checkpoint.bin", &checkpoint)];
+        let files = [(EXPERIMENT, self.stamp.as_bytes()), (CHECKPOINT, &checkpoint)];
         Err(rescue(&self.folder, &files, self.state.ledger().entries()))
     }
-}
-
-/// Gives an experiment the S of the run in this folder and the reality that the run began with; `grown` is the run's
-/// text after its S has grown. Returns the experiment's original text if its S is even larger.
-fn in_space_of_run(
-    experiment: &mut Experiment,
-    grown: Option<&str>,
-    folder: &Path,
-) -> Result<Option<String>, RunError> {
-    let (stamp, requested) = (experiment.stamp(), experiment.source().text.clone());
-    let began = stamp_of(folder);
-    let mut larger = None;
-    if began != stamp {
-        // A stamp's first line is the seed, its rest the text.
-        let (seed, text) = began.split_once('\n').unwrap_or_default();
-        let present = grown.unwrap_or(text);
-        let grows = enlarges(present, &requested);
-        if stamp.lines().next() != Some(seed) || !(grows || requested == present) {
-            return Err(RunError::OtherExperiment(folder.to_owned()));
-        }
-        experiment.restart(text.to_owned(), folder)?;
-        larger = grows.then_some(requested);
-    }
-    if let Some(text) = grown {
-        experiment.enlarge(text.to_owned())?;
-    }
-    Ok(larger)
-}
-
-/// The stamp of the experiment that the run in this folder began with; empty if there is none.
-fn stamp_of(folder: &Path) -> String {
-    std::fs::read_to_string(folder.join("experiment.toml")).unwrap_or_default()
-}
-
-/// Removes the temporary files that killed runs left in the folder and in those of its real tests.
-fn sweep(folder: &Path) -> Result<(), RunError> {
-    let swept =
-        |path: &Path| btr_io::sweep_temporary(path).map_err(|source| RunError::Io { path: path.to_owned(), source });
-    swept(folder)?;
-    let tests = std::fs::read_dir(folder.join("transfers")).into_iter().flatten().flatten();
-    tests.map(|entry| entry.path()).filter(|path| path.is_dir()).try_for_each(|path| swept(&path))
-}
-
-fn checkpoint_path(folder: &Path) -> PathBuf {
-    folder.join("checkpoint.bin")
 }

@@ -37,11 +37,15 @@ pub fn with_distance(
     // A goal for phi is in the unit of the plan's distance.
     let plan = Plan { distance: spec.clone(), phi_goal: None, ..run.state().plan().clone() };
     let folder = run.folder().join("by_distance").join(format!("{number}_{}", spec.name()));
+    run.check_folder()?;
     let mut other = Run::begin_or_resume(experiment, plan, &folder)?;
     loop {
-        match other.step(experiment)? {
+        // If the folder is gone, so is that of the whole run, which is what has to be kept.
+        match other.step(experiment).map_err(|error| run.check_folder().err().unwrap_or(error))? {
             StepOutcome::Stopped(_) => break,
-            StepOutcome::Waiting(what) | StepOutcome::Unsafe(what) => return Err(RunError::LostTest(what)),
+            StepOutcome::Waiting(what) | StepOutcome::Unsafe(what) | StepOutcome::Storage(what) => {
+                return Err(RunError::LostTest(what));
+            }
             _ => {}
         }
         if !watch(other.state()) {

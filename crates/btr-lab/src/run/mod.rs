@@ -3,13 +3,16 @@
 //! grow.
 
 pub mod augment;
+mod checkpoint;
 pub mod doubts;
 pub mod execute;
+mod files;
 mod folder;
 pub mod identify;
 mod lock;
 pub mod report;
 mod rescue;
+mod resume;
 mod run_error;
 
 pub use folder::Run;

@@ -2,7 +2,7 @@
 
 use crate::distributed::DistributedError;
 use crate::experiment::FileError;
-use crate::failure::{FOLDER_GONE, Failure};
+use crate::failure::{FOLDER_GONE, Failure, STORAGE};
 use crate::model_text::AddError;
 use btr_core::coevolve::PlanError;
 use btr_core::text::{Mention, Text, Verb};
@@ -54,8 +54,25 @@ pub enum RunError {
     /// The experiment is not the one the run began with.
     #[error("the experiment differs from the one that {} was started with", .0.display())]
     OtherExperiment(PathBuf),
-    /// A checkpoint of another version, or a damaged one.
-    #[error("{} is not a checkpoint of this version: {why}", path.display())]
+    /// Neither the checkpoint nor the experiment belongs to the experiment in the folder.
+    #[error("{} is not the experiment that {} was written for", .0.join("experiment.toml").display(), .0.join("checkpoint.bin").display())]
+    OtherStamp(PathBuf),
+    /// A checkpoint of another version of the format.
+    #[error("{} was written by another version of btr (its format is {version})", path.display())]
+    OtherVersion {
+        /// The file.
+        path: PathBuf,
+        /// The version of its format.
+        version: u8,
+    },
+    /// A file that could not be written once the run had begun.
+    #[error("{0}; the run stands as it was a step before")]
+    Unwritable(Box<RunError>),
+    /// A log that could not be written.
+    #[error(transparent)]
+    Log(btr_io::IoError),
+    /// A damaged checkpoint.
+    #[error("{} cannot be used: {why}", path.display())]
     Checkpoint {
         /// The file.
         path: PathBuf,
@@ -65,7 +82,7 @@ pub enum RunError {
     /// An effect that cannot be added to S.
     #[error(transparent)]
     Augment(#[from] AddError),
-    /// A completed real test whose log is missing.
+    /// A completed real test whose log is missing or damaged.
     #[error("{0}")]
     LostTest(Text),
     /// The experiment cannot be packed for workers.
@@ -120,13 +137,27 @@ impl RunError {
                     + "), or choose another "
                     + Mention::Out
             }
-            RunError::Checkpoint { .. } => {
-                Text::from("choose another ") + Mention::Out + "; the real tests in transfers/ are untouched"
+            RunError::Checkpoint { .. } | RunError::OtherStamp(_) => {
+                Text::from(
+                    "put the file back from a copy; or remove checkpoint.bin and start the experiment as it began                      without ",
+                ) + Mention::Resume
+                    + ": the real tests in transfers/ are used again"
             }
-            RunError::LostTest(_) => "put the log back into its folder under transfers/".into(),
+            RunError::OtherVersion { .. } => {
+                Text::from("go on with that version; or remove checkpoint.bin and start without ")
+                    + Mention::Resume
+                    + ": the real tests in transfers/ are used again where this version asks for the same"
+            }
+            RunError::Unwritable(_) => Text::from("make room or permit it to be written, then ") + Mention::RunAgain,
+            RunError::LostTest(_) => {
+                "put the log back into its folder under transfers/; a file that was changed on purpose is taken once \
+                 checksums.sfv beside it is removed"
+                    .into()
+            }
             RunError::File(error) => return error.help.clone(),
             RunError::Augment(error) => return error.help(),
             RunError::Distributed(error) => return error.help(),
+            RunError::Log(error) => return Some(error.help()),
             RunError::Lost { .. } | RunError::Plan(_) | RunError::Cancelled(_) | RunError::Io { .. } => return None,
         })
     }
@@ -136,6 +167,7 @@ impl From<RunError> for Failure {
     fn from(error: RunError) -> Self {
         let code = match error {
             RunError::FolderGone { .. } | RunError::Lost { .. } => FOLDER_GONE,
+            RunError::Unwritable(_) => STORAGE,
             _ => "run",
         };
         Failure::new(code, error.text(), error.help())

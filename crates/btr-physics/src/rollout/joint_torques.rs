@@ -24,7 +24,7 @@ use btr_core::world::WorldError;
 /// As for [`simulate`](super::simulate).
 pub fn joint_torques(request: RolloutRequest) -> Result<Log, WorldError> {
     let RolloutRequest { robot, drive, effects, setup, .. } = request;
-    let (samples, steps_per_sample) = setup.samples()?;
+    let (samples, steps_per_sample) = setup.samples(robot)?;
     let placed = effects::in_force(effects)?;
     let (robot, setup) = apply_static_effects(robot, &placed, setup)?;
     let mut joints: Vec<(&Joint, JointControl, Vec<f64>)> = robot

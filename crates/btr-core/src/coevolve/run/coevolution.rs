@@ -38,6 +38,8 @@ pub enum StepOutcome {
     Waiting(Text),
     /// Something may still move the robot, as described here: no test may begin.
     Unsafe(Text),
+    /// The files of a test are damaged or cannot be written, as described here.
+    Storage(Text),
     /// The run is over.
     Stopped(StopReason),
 }
@@ -119,7 +121,7 @@ impl Coevolution {
     /// Fetches the logs of the ledger; needed once after a run was resumed from a checkpoint.
     ///
     /// # Errors
-    /// A real test whose log is gone.
+    /// A real test whose log is gone or damaged.
     pub fn recall(&mut self, reality: &mut dyn Reality) -> Result<(), RecallError> {
         self.state.ledger.recall(reality)
     }

@@ -90,7 +90,8 @@ mod tests {
     use super::*;
     use crate::coevolve::fixture::{Toy, ToyRobot, estimating, whitened};
     use crate::space::Space;
-    use crate::world::{Behaviour, Simulator, WorldError};
+    use crate::text::Text;
+    use crate::world::{Behaviour, Outcome, Reality, Simulator, Trial, WorldError};
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     /// A toy whose simulations are cancelled after some.
@@ -115,6 +116,48 @@ mod tests {
         fn run(&self, s: &[f64], c: &[f64], scenario: usize) -> Result<Behaviour, WorldError> {
             let left = self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1));
             if left.is_ok() { self.toy.run(s, c, scenario) } else { Err(Cancelled.into()) }
+        }
+    }
+
+    /// A robot that has to be asked twice for each test, or whose files cannot be written.
+    struct Hesitant<'a> {
+        robot: ToyRobot<'a>,
+        asked: usize,
+        no: Outcome,
+    }
+
+    impl Reality for Hesitant<'_> {
+        fn test(&mut self, trial: &Trial) -> Outcome {
+            self.asked += 1;
+            if self.asked % 2 == 1 { self.no.clone() } else { self.robot.test(trial) }
+        }
+    }
+
+    #[test]
+    fn a_test_that_is_asked_for_again_leaves_no_trace() {
+        let (toy, distance) = (Toy::driven(0.0, &[]), whitened());
+        let run = |reality: &mut dyn Reality, no: Option<&StepOutcome>| {
+            let mut run = Coevolution::new(estimating(3), 3, &toy).unwrap();
+            let mut refused = 0;
+            loop {
+                let mut on = Environment { simulator: &toy, distance: &distance, reality: &mut *reality };
+                match run.step(&mut on).unwrap() {
+                    StepOutcome::Stopped(_) => return (run, refused),
+                    outcome => refused += usize::from(Some(&outcome) == no),
+                }
+            }
+        };
+        let robot = || ToyRobot::new(&toy, &[1.7, 1.13], 3);
+        let (undisturbed, _) = run(&mut robot(), None);
+        let why = || Text::from("not now");
+        for (no, told) in [
+            (Outcome::Pending { what: why() }, StepOutcome::Waiting(why())),
+            (Outcome::Storage { why: why() }, StepOutcome::Storage(why())),
+        ] {
+            let mut hesitant = Hesitant { robot: robot(), asked: 0, no };
+            let (run, refused) = run(&mut hesitant, Some(&told));
+            assert!(refused == run.ledger().spent() && refused > 0, "{refused}");
+            assert_eq!(run, undisturbed);
         }
     }
 

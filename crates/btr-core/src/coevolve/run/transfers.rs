@@ -29,14 +29,20 @@ impl Coevolution {
         }
         let trials = self.trials(on, &queue, next);
         let Some(trial) = trials.first().cloned() else { return self.transferred(on, &queue, testing) };
+        let cost = self.state.cost;
         let predicted = self.predicted(on, &queue[next / on.simulator.scenarios()])?;
-        let announced = on.reality.announce(&trials).map_err(|error| NoOutcome::Pending(error.text()));
+        let announced = on.reality.announce(&trials).map_err(NoOutcome::from);
         let result = announced.and_then(|()| self.state.ledger.carry_out(trial, predicted, on.reality));
         self.state.phase = Phase::Transfer { queue, next: next + usize::from(result.is_ok()), testing };
+        if result.is_err() {
+            // The prediction is made again with the test.
+            self.state.cost = cost;
+        }
         match result {
             Ok(()) => Ok(StepOutcome::Tested),
             Err(NoOutcome::Pending(what)) => Ok(StepOutcome::Waiting(what)),
             Err(NoOutcome::Unsafe(why)) => Ok(StepOutcome::Unsafe(why)),
+            Err(NoOutcome::Storage(why)) => Ok(StepOutcome::Storage(why)),
         }
     }
 

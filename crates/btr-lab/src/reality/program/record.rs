@@ -26,8 +26,9 @@ impl Record {
             Err(why) if why.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(source) => return Err(StoreError::Io { path, source }),
         };
-        let unreadable = |why| StoreError::Io { path, source: std::io::Error::other(why) };
-        toml::from_str(&text).map(Some).map_err(unreadable)
+        let (line, record) = text.split_once('\n').unwrap_or_default();
+        let record = if line == checksum_line(record) { toml::from_str(record).ok() } else { None };
+        record.map(Some).ok_or(StoreError::Record { path })
     }
 
     /// Writes the record.
@@ -37,7 +38,7 @@ impl Record {
             Ok(text) => text,
             Err(why) => return Err(StoreError::Io { path, source: std::io::Error::other(why) }),
         };
-        write_text(&path, &format!("# The program of this test, while it runs.\n{text}"))
+        write_text(&path, &format!("{}\n{text}", checksum_line(&text)))
     }
 
     /// Removes the record, once nothing of the program is left.
@@ -65,6 +66,11 @@ impl Record {
         let output = outputs.iter().find(|output| system::has_heirs(output))?;
         Some(format!("a process that writes to {0} (`fuser -k {0}` ends it)", output.display()))
     }
+}
+
+/// The line above the record: a damaged one must not lead to another process, or to none.
+fn checksum_line(record: &str) -> String {
+    format!("# The program of this test, while it runs; CRC-32 {:08X}", crc32fast::hash(record.as_bytes()))
 }
 
 fn how_to_end(pid: u32) -> String {

@@ -1,9 +1,9 @@
 //! Renames the channels of logs in memory by a model's `[channels]`.
 
-use super::error::{IoError, Warning};
 use super::mapping::Mapping;
 use super::names::{Meaning, is_doubled};
-use super::series::{NamedSeries, assemble};
+use crate::channels::series::{NamedSeries, assemble};
+use crate::error::{IoError, Warning};
 use btr_core::log::{Channel, Log, Role};
 use std::path::Path;
 
@@ -51,7 +51,7 @@ mod tests {
 
     fn log(channels: &[(&str, f64)]) -> Log {
         let columns = channels.iter().map(|(name, value)| ((*name).to_owned(), vec![*value; 2])).collect();
-        super::super::log_of(Path::new("log"), vec![0.0, 1.0], columns, &Mapping::default()).unwrap().0
+        crate::log_of(Path::new("log"), vec![0.0, 1.0], columns, &Mapping::default()).unwrap().0
     }
 
     fn under(mapping: &str, log: Log) -> Log {

@@ -1,8 +1,8 @@
 //! Assembles the series of a file into a log: names, units, torque-off intervals and readings marked as invalid.
 
-use super::error::{IoError, Warning};
 use super::mapping::{Mapping, Switch};
 use super::names::Meaning;
+use crate::error::{IoError, Warning};
 use btr_core::limits::{MOST_COLUMNS, MOST_VALUES};
 use btr_core::log::Log;
 use indexmap::IndexMap;
