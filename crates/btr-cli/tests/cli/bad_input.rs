@@ -282,7 +282,7 @@ fn logs() {
     std::fs::write(lab.path("cut.mcap"), &whole[..whole.len() / 2]).unwrap();
     let told = lab.run("info cut.mcap --json");
     let said = text(&told.stdout) + &text(&told.stderr);
-    assert!(said.contains("is truncated") || said.contains("damaged before the first message"), "{said}");
+    assert!(said.contains("is truncated") || said.contains("damaged: before the first message"), "{said}");
     insta::assert_snapshot!(
         "mcap_logs",
         [log("log.mcap", &whole[..100]), log("log.mcap", b"not a recording"), log("log.bag", b"?"),].join("\n")

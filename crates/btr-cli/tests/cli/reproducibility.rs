@@ -113,6 +113,22 @@ fn results() -> String {
     lines
 }
 
+/// A population is simulated in as many lanes as the machine has, or fewer.
+#[test]
+fn the_number_of_lanes_does_not_change_a_bit() {
+    let lab = lab();
+    let run = |lanes: &str| {
+        let mut command = lab.command(&format!("coevolve ant-series.toml --out lanes-{lanes} -q --json"));
+        assert!(command.env("BTR_LANES", lanes).output().unwrap().status.success(), "{lanes}");
+        let file = |name: &str| std::fs::read(lab.path(&format!("lanes-{lanes}/{name}"))).unwrap();
+        ["history.json", "adapted.toml"].map(|name| frozen(name, &file(name)))
+    };
+    let single = run("1");
+    for lanes in ["2", "4", "8"] {
+        assert!(run(lanes) == single, "{lanes} lanes");
+    }
+}
+
 #[test]
 fn results_have_the_bits_that_they_had() {
     if arithmetic() != ARITHMETIC {

@@ -17,7 +17,8 @@ fn complaint(file: &[u8]) -> String {
 #[test]
 fn a_text_of_four_gigabytes_that_is_not_there_takes_no_memory() {
     let claim = [&u32::MAX.to_le_bytes()[..], b"abcdefgh"].concat();
-    let lies = "walk.mcap: damaged before the first message: a text is longer than the record that holds it";
+    let lies =
+        "walk.mcap: the file is damaged: before the first message: a text is longer than the record that holds it";
     assert_eq!(complaint(&record(op::SCHEMA, &[&[1, 0], &claim[..]].concat())), lies);
     assert_eq!(complaint(&record(op::CHANNEL, &[&[1, 0, 0, 0], &claim[..]].concat())), lies);
     let metadata = [&[1, 0, 0, 0][..], &[0; 8], &12_u32.to_le_bytes(), &claim].concat();
@@ -33,6 +34,10 @@ fn a_text_of_four_gigabytes_that_is_not_there_takes_no_memory() {
 fn an_attachment_without_its_checksum_is_passed_over() {
     let mut file = bytes(&walk(3), &Meta::default());
     let attachment = &record(op::ATTACHMENT, &[0; 32])[::mcap::MAGIC.len()..];
+    // The checksum of the data is not that of what is inserted; 0 is none.
+    let end = [&[op::DATA_END][..], &4_u64.to_le_bytes()].concat();
+    let at = file.windows(end.len()).position(|window| window == end).unwrap() + end.len();
+    file[at..at + 4].fill(0);
     file.splice(::mcap::MAGIC.len()..::mcap::MAGIC.len(), attachment.iter().copied());
     assert_eq!(mcap::read(Path::new("walk.mcap"), &file[..], &Mapping::default()).unwrap().0, walk(3));
 }

@@ -18,19 +18,28 @@ use crate::setup::Setup;
 use nalgebra::Vector3;
 use pulp::{Arch, Scalar, Simd};
 use world::{World, WorldBody, WorldShape};
+use std::sync::OnceLock;
 
 /// Number of SIMD lanes on this machine.
 pub(crate) fn lanes() -> usize {
     widths().first().map_or(1, |arch| width(*arch))
 }
 
-/// The instruction sets of this machine, the widest first; the last one has a single lane.
+/// The most lanes to use: what the environment variable `BTR_LANES` says, or all that the machine has. It changes the
+/// time alone, and is there to show that.
+fn most_lanes() -> usize {
+    static MOST: OnceLock<usize> = OnceLock::new();
+    let stated = || std::env::var("BTR_LANES").ok()?.trim().parse().ok();
+    *MOST.get_or_init(|| stated().unwrap_or(usize::MAX).max(1))
+}
+
+/// The instruction sets of this machine that may be used, the widest first; the last one has a single lane.
 pub(crate) fn widths() -> Vec<Arch> {
     #[cfg(target_arch = "x86_64")]
     let wide = [pulp::x86::V4::try_new().map(Arch::V4), pulp::x86::V3::try_new().map(Arch::V3)];
     #[cfg(not(target_arch = "x86_64"))]
     let wide = [None];
-    wide.into_iter().flatten().chain([Arch::Scalar]).collect()
+    wide.into_iter().flatten().chain([Arch::Scalar]).filter(|arch| width(*arch) <= most_lanes()).collect()
 }
 
 /// Number of lanes of an instruction set.
