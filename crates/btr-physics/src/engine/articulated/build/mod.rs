@@ -17,8 +17,8 @@ use crate::robot::{Geometry, Robot};
 use crate::setup::Setup;
 use nalgebra::Vector3;
 use pulp::{Arch, Scalar, Simd};
-use world::{World, WorldBody, WorldShape};
 use std::sync::OnceLock;
+use world::{World, WorldBody, WorldShape};
 
 /// Number of SIMD lanes on this machine.
 pub(crate) fn lanes() -> usize {
