@@ -6,6 +6,7 @@ use crate::args::{DiagnoseArgs, Global};
 use crate::exit::{DONE, INTERRUPTED, MISSED};
 use btr_identify::diagnose::Verdict;
 use btr_identify::fit::Degree;
+use btr_identify::residual_model::{ResidualRequest, TimeStep};
 use btr_io::Meta;
 use btr_lab::failure::Failure;
 use btr_lab::output::{OutputKind, Overwrite, guard, inputs};
@@ -19,6 +20,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
+
+/// A search that may take longer than this is announced, in min.
+const WORTH_SAYING_MIN: f64 = 2.0;
 
 pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     let source = common::source_of(&args.logs_args.model, &args.logs_args.reading, global)?;
@@ -34,6 +38,7 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     let question = input.options(args.max_effects, args.max_rollouts);
     let unit = input.error_unit();
     let tell = |ladder_step: &_| common::tell(ladder_step, unit, global);
+    forecast(&input, question.max_rollouts, global);
     let interrupted = watch_for_interrupts("finishing with the best so far", Arc::default())?;
     let (flag, deadline) = (interrupted.clone(), args.max_time.map(|time| Instant::now() + time));
     let stop_signal =
@@ -63,6 +68,27 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     }
     let met = args.expect.as_ref().is_none_or(|word| *word == word_of(report.verdict));
     Ok(if met { DONE } else { MISSED })
+}
+
+/// Says how long the search takes at most, where that is long: measured on one simulation of each training log.
+fn forecast(input: &VerbInput, max_rollouts: usize, global: &Global) {
+    if global.quiet || max_rollouts == usize::MAX {
+        return;
+    }
+    let (problem, began) = (&input.problem, Instant::now());
+    let nominal = vec![0.0; problem.parameters().len()];
+    let logs: Vec<usize> = (0..problem.logs().len()).filter(|log| !problem.logs()[*log].held_out).collect();
+    for &log in &logs {
+        // A simulation that fails is told by the search.
+        let _ = problem.residual(ResidualRequest::of(&nominal, log), TimeStep::USUAL);
+    }
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let rollout_s = began.elapsed().as_secs_f64() / logs.len().max(1) as f64;
+    let most_min = max_rollouts as f64 * rollout_s / threads as f64 / 60.0;
+    if most_min > WORTH_SAYING_MIN {
+        let rollout = format!("{max_rollouts} rollouts of {} s", number(rollout_s));
+        eprintln!("at most {rollout}: {most_min:.0} min; --max-time ends the search earlier, with the best so far");
+    }
 }
 
 /// The commands of the next experiment, for `btr simulate --log` and for the robot.

@@ -36,15 +36,16 @@ const USUAL_EFFECTS_OF_JOINT: usize = 4;
 
 impl VerbInput {
     /// The options of a diagnosis that names at most so many effects; usually three, or four per joint where the motion
-    /// is prescribed. Without a number of rollouts, the
-    /// usual one; a floating robot, whose contacts take many tries, has none.
+    /// is prescribed. Without a number of rollouts, the usual one: most points of a prescribed motion take none. A
+    /// floating robot, whose contacts take many tries, has no limit.
     pub fn options(&self, max_effects: Option<usize>, max_rollouts: Option<usize>) -> DiagnoseOptions {
         let robot = &self.problem.model().robot;
         let of_joints = robot.is_prescribed().then(|| USUAL_EFFECTS_OF_JOINT * robot.movable().count());
         let max_effects = max_effects.unwrap_or(of_joints.unwrap_or(USUAL_EFFECTS));
         let joints = robot.movable().count().max(FEWEST_JOINTS);
         let usual = if robot.base == Base::Fixed {
-            USUAL_ROLLOUTS.saturating_mul(joints * max_effects.max(1))
+            let effects = if robot.is_prescribed() { max_effects.min(USUAL_EFFECTS) } else { max_effects };
+            USUAL_ROLLOUTS.saturating_mul(joints * effects.max(1))
         } else {
             usize::MAX
         };
