@@ -336,7 +336,7 @@ def without_a(q: float, dq: float, ddq: float, cmd: float, tau: float, t: float)
         ("-dq*q", {"dq": 0.1}, btr.BtrError, "`dq` is a reserved name"),
         ("-law*q", {"law": 0.1}, btr.BtrError, "a law's parameter cannot be called `law`"),
         ("-a*q", {"a": (2.0, 0.0)}, btr.BtrError, "formula.a@hinge"),
-        ("-a*q", {"a": (0.0, math.nan)}, btr.BtrError, "a = NaN is not a number"),
+        ("-a*q", {"a": (0.0, math.nan)}, btr.BtrError, "a@hinge.bounds.1 = NaN must be a finite number"),
         ("-a*q", {"a": 0.1, "site": "knee"}, btr.BtrError, "knee"),
         ("-a*q", {"a": 0.1, "on": "speed"}, btr.BtrError, "speed"),
         ("-a*q", {"a": "much"}, TypeError, r"a is a number or \(least, most\), not 'much'"),

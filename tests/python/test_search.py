@@ -214,7 +214,7 @@ def wrong_population(change) -> None:
         (lambda: CMAES(SQUARE, sigma0=0), "sigma0: expected a positive number, not 0"),
         (lambda: CMAES(SQUARE, sigma0=np.nan), "sigma0: expected a finite number, not NaN"),
         (lambda: CMAES(SQUARE, popsize=1), "popsize: expected a count of 2 or more, not 1"),
-        (lambda: CMAES(SQUARE, popsize=10**12), "too many to keep"),
+        (lambda: CMAES(SQUARE, popsize=10**12), "popsize: expected a count of 1000000 or less"),
         (lambda: GA(SQUARE, bits=40), "bits: .*between 1 and 32"),
         (lambda: GA(SQUARE, mutation=2), "mutation: .*between 0 and 1, not 2"),
         (lambda: RealGA(SQUARE, elite=-1), "elite: "),
