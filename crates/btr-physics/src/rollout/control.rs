@@ -69,7 +69,7 @@ impl<'a> Control<'a> {
         let prescribed = joints.iter().any(|joint| joint.motor.is_prescribed());
         let prescribed_torques = if prescribed { vec![f64::NAN; joints.len()] } else { Vec::new() };
         let (dt_s, begins_s) = (setup.dt_s, setup.begins_s);
-        let (states, motions) = (Vec::with_capacity(joints.len()), Vec::with_capacity(joints.len()));
+        let (states, motions) = (Vec::with_capacity(joints.len()), vec![None; joints.len()]);
         let ends = [vec![None; joints.len()], vec![None; joints.len()]];
         let neighbours = NeighbourTracker::new(robot, effects)?;
         Ok(Control {
@@ -162,18 +162,8 @@ impl<'a> Control<'a> {
     /// velocity is not exactly theirs.
     fn follow(&mut self, time_s: f64, engine: &dyn Dynamics) {
         if self.has_prescribed() {
-            let [from, to] = &mut self.ends;
-            self.reference.drive.motions(time_s, from);
-            self.reference.drive.motions(time_s + self.dt_s, to);
+            self.follow_motions(time_s);
         }
-        let mean_s = self.reference.drive.mean_s();
-        let motion = |(joint, (from, to)): (&JointControl, (&Option<Motion>, &Option<Motion>))| {
-            let motion = PrescribedMotion { from: (*from)?, to: (*to)?, mean_s };
-            joint.motor.is_prescribed().then_some(motion)
-        };
-        let [from, to] = &self.ends;
-        self.motions.clear();
-        self.motions.extend(self.joints.iter().zip(from.iter().zip(to)).map(motion));
         let exactly = engine.supports_prescribed();
         let states = engine.positions().iter().copied().zip(engine.velocities().iter().copied());
         let state = |(state, motion): ((f64, f64), &Option<PrescribedMotion>)| {
@@ -181,6 +171,19 @@ impl<'a> Control<'a> {
         };
         self.states.clear();
         self.states.extend(states.zip(&self.motions).map(state));
+    }
+
+    /// Updates the motions of prescribed joints.
+    fn follow_motions(&mut self, time_s: f64) {
+        let drive = self.reference.drive;
+        let [from, to] = &mut self.ends;
+        drive.motions(time_s, from);
+        drive.motions(time_s + self.dt_s, to);
+        let mean_s = drive.mean_s();
+        for ((joint, motion), (from, to)) in self.joints.iter().zip(&mut self.motions).zip(from.iter().zip(&*to)) {
+            let ends = from.zip(*to).filter(|_| joint.motor.is_prescribed());
+            *motion = ends.map(|(from, to)| PrescribedMotion { from, to, mean_s });
+        }
     }
 
     /// Reads the torques that prescribed motions require, which count as their motors' torques.
