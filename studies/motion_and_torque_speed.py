@@ -3,8 +3,8 @@
 
     cargo build --release && python3 studies/motion_and_torque_speed.py [--seconds 10,60,600,3600]
 
-Needs NumPy and MuJoCo. A planted six-joint arm (six_joints.py) is compared with its model, and friction and rotors of all
-joints are fitted. Both read, check and smooth the log; a row counts once per joint.
+Needs NumPy and MuJoCo. A planted six-joint arm (six_joints.py) is compared with its model, and friction and rotors of
+all joints are fitted. Both read, check and smooth the log; a row counts once per joint.
 """
 
 import argparse
