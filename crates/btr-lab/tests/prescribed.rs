@@ -96,7 +96,7 @@ fn sums_equal_simulations() {
     assert!(compared > 100, "{compared}");
 }
 
-/// What was simulated once is not simulated again: friction of any size follows from one response.
+/// Friction of any size takes no simulation, and loads in one place follow from a single one.
 #[test]
 fn responses_are_simulated_once() {
     let input = input();

@@ -1,12 +1,11 @@
 //! The control path of a rollout: from the drive's references through commands, their effects, motors and their effects
 //! to the joint-level forces.
 
-use super::joint_control::JointControl;
+use super::joint_control::{JointControl, joint_controls};
 use super::neighbours::NeighbourTracker;
 use crate::actuation::{JointInput, TorqueBound};
 use crate::drive::Drive;
 use crate::effects::{PlacedEffect, SiteKind};
-use crate::engine::carried_inertia;
 use crate::engine::{Affine, Dynamics, PrescribedMotion};
 use crate::robot::{Link, Robot};
 use crate::setup::Setup;
@@ -53,17 +52,7 @@ impl<'a> Control<'a> {
         setup: &Setup,
         drive: &'a dyn Drive,
     ) -> Result<Self, WorldError> {
-        let carried = carried_inertia(robot);
-        let mut joints: Vec<JointControl> = robot
-            .movable()
-            .zip(carried)
-            .map(|((_, link), inertia)| JointControl::new(&link.joint, inertia, setup))
-            .collect();
-        for placed in effects {
-            for joint in placed.joints(robot)? {
-                joints[joint].place(placed, setup.dt_s);
-            }
-        }
+        let joints = joint_controls(robot, effects, setup)?;
         let reference = ReferenceTracker::new(drive, setup.control_s, joints.len());
         let coupled = effects.iter().any(|placed| placed.effect.spec().site == SiteKind::Robot);
         let prescribed = joints.iter().any(|joint| joint.motor.is_prescribed());

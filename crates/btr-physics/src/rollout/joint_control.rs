@@ -2,9 +2,10 @@
 
 use crate::actuation::{JointInput, Motor, MotorTorque, TorqueBound};
 use crate::effects::{Effect, PlacedEffect};
-use crate::engine::{Affine, Bounded, Dof, PrescribedMotion};
-use crate::robot::Joint;
+use crate::engine::{Affine, Bounded, Dof, PrescribedMotion, carried_inertia};
+use crate::robot::{Joint, Robot};
 use crate::setup::Setup;
+use btr_core::world::WorldError;
 
 /// One joint: its motor, its passive forces, and the effects on it.
 pub(super) struct JointControl {
@@ -38,8 +39,28 @@ pub(super) struct EffectInstance {
     pub(super) link_side: (f64, f64),
 }
 
+/// The movable joints of a robot, each with the effects on it.
+///
+/// # Errors
+/// An effect whose site matches nothing.
+pub(super) fn joint_controls(
+    robot: &Robot,
+    effects: &[PlacedEffect],
+    setup: &Setup,
+) -> Result<Vec<JointControl>, WorldError> {
+    let joints = robot.movable().zip(carried_inertia(robot));
+    let mut joints: Vec<JointControl> =
+        joints.map(|((_, link), inertia)| JointControl::new(&link.joint, inertia, setup)).collect();
+    for placed in effects {
+        for joint in placed.joints(robot)? {
+            joints[joint].place(placed, setup.dt_s);
+        }
+    }
+    Ok(joints)
+}
+
 impl JointControl {
-    pub(super) fn new(joint: &Joint, inertia: f64, setup: &Setup) -> Self {
+    fn new(joint: &Joint, inertia: f64, setup: &Setup) -> Self {
         let motor = Motor::new(joint, inertia, setup.dt_s);
         let interpolated = setup.interpolate || motor.is_prescribed();
         JointControl {
@@ -62,7 +83,7 @@ impl JointControl {
         !self.instances.is_empty() || self.passive != Dof::default()
     }
 
-    pub(super) fn place(&mut self, placed: &PlacedEffect, dt_s: f64) {
+    fn place(&mut self, placed: &PlacedEffect, dt_s: f64) {
         placed.effect.joint(&placed.values, &mut self.passive);
         let memory = vec![0.0; placed.effect.memory(&placed.values, dt_s)];
         let (effect, values) = (placed.effect, placed.values.clone());

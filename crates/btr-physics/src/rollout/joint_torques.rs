@@ -1,13 +1,13 @@
 //! What acts in the joints along a prescribed motion, without the links.
 
-use super::joint_control::JointControl;
+use super::joint_control::{JointControl, joint_controls};
 use super::neighbours::NeighbourTracker;
 use super::prepare::apply_static_effects;
 use super::request::RolloutRequest;
 use crate::actuation::JointInput;
 use crate::drive::Drive;
 use crate::effects;
-use crate::engine::{PrescribedMotion, carried_inertia};
+use crate::engine::PrescribedMotion;
 use crate::robot::Joint;
 use crate::setup::Setup;
 use btr_core::log::{Log, Role};
@@ -27,39 +27,53 @@ pub fn joint_torques(request: RolloutRequest) -> Result<Log, WorldError> {
     let (samples, steps_per_sample) = setup.samples(robot)?;
     let placed = effects::in_force(effects)?;
     let (robot, setup) = apply_static_effects(robot, &placed, setup)?;
-    let mut joints: Vec<(&Joint, JointControl, Vec<f64>)> = robot
-        .movable()
-        .zip(carried_inertia(&robot))
-        .map(|((_, link), inertia)| (&link.joint, JointControl::new(&link.joint, inertia, &setup), Vec::new()))
+    let joints = robot.movable().zip(joint_controls(&robot, &placed, &setup)?).enumerate();
+    let acting = joints.filter(|(_, (_, control))| control.acts());
+    let mut acting: Vec<ActingJoint> = acting
+        .map(|(index, ((_, link), control))| ActingJoint {
+            index,
+            joint: &link.joint,
+            control,
+            torques: Vec::with_capacity(samples),
+        })
         .collect();
-    for placed in &placed {
-        for joint in placed.joints(&robot)? {
-            joints[joint].1.place(placed, setup.dt_s);
-        }
-    }
-    let mut motions = MotionTracker::new(drive, &setup, joints.len());
+    let mut motions = MotionTracker::new(drive, &setup, robot.movable().count());
     let mut neighbours = NeighbourTracker::new(&robot, &placed)?;
     let rest_steps = (setup.rest_s / setup.dt_s).round() as usize;
     for step in 0..=rest_steps + (samples - 1) * steps_per_sample {
-        let since_start = step as f64 - rest_steps as f64;
-        motions.advance(since_start * setup.dt_s);
+        motions.advance((step as f64 - rest_steps as f64) * setup.dt_s);
         neighbours.update(&motions.states, |_, _| f64::NAN, |joint, _| motions.acceleration(joint));
         let is_sample = step >= rest_steps && (step - rest_steps).is_multiple_of(steps_per_sample);
-        for (i, (_, control, torques)) in joints.iter_mut().enumerate().filter(|(_, (_, control, _))| control.acts()) {
-            let Some((motion, input)) = motions.of(i) else { continue };
-            let input = JointInput { inertia: control.inertia, neighbours: neighbours.of(i), ..input };
-            let torque = control.follow_prescribed(motion, &input).required(&motion, 0.0);
-            if is_sample {
-                torques.push(torque);
-            }
+        for joint in &mut acting {
+            joint.act(&motions, &neighbours, is_sample);
         }
     }
     let sample_s = setup.dt_s * steps_per_sample as f64;
     let mut log = Log::new((0..samples).map(|i| i as f64 * sample_s).collect())?;
-    for (joint, _, torques) in joints.into_iter().filter(|(.., torques)| !torques.is_empty()) {
+    for ActingJoint { joint, torques, .. } in acting.into_iter().filter(|acting| !acting.torques.is_empty()) {
         log.insert(format!("tau_{}", joint.name), joint.torque_unit(), Role::Measured, torques)?;
     }
     Ok(log)
+}
+
+/// A joint in which something acts, with its torque at each sample.
+struct ActingJoint<'a> {
+    index: usize,
+    joint: &'a Joint,
+    control: JointControl,
+    torques: Vec<f64>,
+}
+
+impl ActingJoint<'_> {
+    /// A step of its effects. A joint without a prescribed motion has no torque.
+    fn act(&mut self, motions: &MotionTracker, neighbours: &NeighbourTracker, is_sample: bool) {
+        let Some((motion, input)) = motions.of(self.index) else { return };
+        let input = JointInput { inertia: self.control.inertia, neighbours: neighbours.of(self.index), ..input };
+        let torque = self.control.follow_prescribed(motion, &input).required(&motion, 0.0);
+        if is_sample {
+            self.torques.push(torque);
+        }
+    }
 }
 
 /// The joints' motions, step by step.
