@@ -28,6 +28,7 @@ import mujoco
 import numpy as np
 
 from asking import BTR
+from foreign.glitches import damage
 
 JOINTS = 6
 # Mass in kg, length in m, radius in m of each link, and the axis of the joint before it.
@@ -216,6 +217,7 @@ def main() -> None:
     parser.add_argument("--seeds", default="300..302", help="A..B, both included")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--rate", type=float, default=1000.0, help="samples per second")
+    parser.add_argument("--glitches", type=float, default=0.0, help="share of the readings that glitches replace")
     parser.add_argument("--keep", type=Path)
     args = parser.parse_args()
     first, last = (int(part) for part in args.seeds.split(".."))
@@ -224,6 +226,8 @@ def main() -> None:
             folder = (args.keep / str(seed)) if args.keep else Path(temporary)
             folder.mkdir(parents=True, exist_ok=True)
             truth = write_logs(folder, seed, args.seconds, args.rate)
+            for number, log in enumerate(("learn.csv", "held_out.csv") if args.glitches > 0.0 else ()):
+                damage(folder / log, 1000 * seed + number, args.glitches)
             words = ["diagnose", "arm.toml", "learn.csv", "--held-out", "held_out.csv", "-o", "found.toml"]
             (folder / "found.toml").unlink(missing_ok=True)
             answer, seconds, cpu, megabytes = ask(args.btr, folder, words)

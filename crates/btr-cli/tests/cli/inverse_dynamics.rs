@@ -107,6 +107,48 @@ fn lab_with(cable: f64, [dry, viscous, rotor]: [f64; 3]) -> Lab {
     lab
 }
 
+/// Spoils every seventieth reading of each torque: full scale, a zero, or the reading before.
+fn spoil_torques(lab: &Lab, log: &str) {
+    let mut before = vec![String::new(); 5];
+    lab.edit(log, log, |row, cells| {
+        for column in 3..5 {
+            match (row + 20 * column) % 210 {
+                25 => cells[column] = "-80".to_owned(),
+                105 => cells[column] = "0".to_owned(),
+                185 => cells[column].clone_from(&before[column]),
+                _ => {}
+            }
+        }
+        before.clone_from_slice(cells);
+        true
+    });
+}
+
+#[test]
+fn glitches_of_torques_change_no_verdict() {
+    let answer = |lab: &Lab, options: &str| {
+        lab.json(&format!("diagnose leg.toml learn.csv --held-out held_out.csv -q{options}"))
+    };
+    let named = |answer: &Value| {
+        let effects = answer["effects"].as_array().unwrap().iter();
+        let mut names: Vec<String> = effects.map(|of| format!("{} {}", of["effect"], of["site"])).collect();
+        names.sort();
+        (answer["verdict"].clone(), names)
+    };
+    let lab = lab();
+    let clean = answer(&lab, "");
+    ["learn.csv", "held_out.csv"].iter().for_each(|log| spoil_torques(&lab, log));
+    let spoilt = answer(&lab, "");
+    assert_eq!(named(&spoilt), named(&clean));
+    assert_eq!(spoilt["verdict"], "effect_missing");
+    let glitches = lab.json("check leg.toml learn.csv -q");
+    let glitches = glitches["logs"][0]["glitches"].as_array().unwrap();
+    let full_scale = |glitch: &&Value| glitch["channel"] == "tau_hip" && glitch["value"].as_f64().unwrap() < -70.0;
+    let samples: Vec<_> = glitches.iter().filter(full_scale).map(|glitch| glitch["sample"].as_u64().unwrap()).collect();
+    assert_eq!(samples, (0..9).map(|k| 174 + 210 * k).collect::<Vec<_>>());
+    assert_eq!(answer(&lab, " --keep-glitches")["verdict"], "unexplained");
+}
+
 fn floor(answer: &Value, channel: &str) -> f64 {
     let floors = answer["noise_floor"].as_array().unwrap();
     floors.iter().find(|floor| floor["channel"] == channel).unwrap()["sigma"].as_f64().unwrap()

@@ -92,7 +92,7 @@ impl Lab {
     }
 
     /// A CSV log with its rows changed: the header is row 0, and rows for which `change` says no are left out.
-    pub(crate) fn edit(&self, from: &str, to: &str, change: impl Fn(usize, &mut Vec<String>) -> bool) {
+    pub(crate) fn edit(&self, from: &str, to: &str, mut change: impl FnMut(usize, &mut Vec<String>) -> bool) {
         let text = self.read(from);
         let rows = text.lines().enumerate().filter_map(|(k, line)| {
             let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();

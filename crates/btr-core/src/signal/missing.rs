@@ -5,8 +5,12 @@
 //! A command that is missing for longer was not sent. Where whole samples are missing for longer, both commands and
 //! motion are unknown: the log is split there.
 
+use super::smooth::parabola;
 use crate::log::Log;
 use std::ops::Range;
+
+/// Fewest samples to each side of a short loss that is filled.
+const SIDE: usize = 2;
 
 /// Longest loss of a command, in s, or in samples of a slow log.
 const LOST: (f64, f64) = (0.05, 3.0);
@@ -54,6 +58,29 @@ pub fn held(log: &Log, values: &[f64]) -> Vec<f64> {
         held[samples].fill(values[known]);
     }
     held
+}
+
+/// A series with its short losses filled: runs of at most `longest` missing samples, by the parabola that fits as many
+/// samples on either side best. Without at least two on both, they stay missing.
+pub fn bridged(clock_s: &[f64], values: &[f64], longest: usize) -> Vec<f64> {
+    let mut bridged = values.to_vec();
+    let mut from = 0;
+    for run in values.chunk_by(|a, b| a.is_nan() == b.is_nan()) {
+        let lost = from..from + run.len();
+        from = lost.end;
+        if !run[0].is_nan() || run.len() > longest {
+            continue;
+        }
+        let around = lost.start.saturating_sub(longest)..(lost.end + longest).min(values.len());
+        let present = |samples: Range<usize>| values[samples].iter().filter(|x| x.is_finite()).count();
+        if present(around.start..lost.start) < SIDE || present(lost.end..around.end) < SIDE {
+            continue;
+        }
+        for i in lost {
+            bridged[i] = parabola(clock_s, values, around.clone(), clock_s[i]).map_or(f64::NAN, |fit| fit.value);
+        }
+    }
+    bridged
 }
 
 /// The runs of samples without gaps between them.
@@ -106,6 +133,24 @@ mod tests {
         assert_eq!(held(&log, &values), vec![0.5; 10]);
         let short = Log::new(vec![0.0, 0.01]).unwrap();
         assert!(held(&short, &[f64::NAN; 2]).iter().all(|x| x.is_nan()));
+    }
+
+    #[test]
+    fn short_losses_of_a_parabola_are_filled_exactly_and_long_ones_stay() {
+        let clock_s: Vec<f64> = (0..60).map(|i| 0.01 * f64::from(i) + 0.002 * f64::from(i % 3)).collect();
+        let parabola = |t: f64| 0.3 - 2.0 * t + 5.0 * t * t;
+        let mut values: Vec<f64> = clock_s.iter().map(|t| parabola(*t)).collect();
+        for lost in [10..13, 15..16, 30..34, 0..1, 58..59] {
+            values[lost].fill(f64::NAN);
+        }
+        let bridged = bridged(&clock_s, &values, 3);
+        for (i, value) in bridged.iter().enumerate() {
+            let is_left = (30..34).contains(&i) || i == 0 || i == 58;
+            assert!(
+                if is_left { value.is_nan() } else { (value - parabola(clock_s[i])).abs() < 1e-12 },
+                "{i}: {value}"
+            );
+        }
     }
 
     #[test]

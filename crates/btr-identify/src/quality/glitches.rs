@@ -1,8 +1,10 @@
-//! Glitches of joint positions: readings that no motion explains, found and left out.
+//! Glitches of joint positions and torques: readings that no motion explains, found and left out.
 
 use super::report::GlitchReport;
 use btr_core::log::{Channel, Log, Role, interpolate};
-use btr_core::signal::glitch::{Glitch, GlitchKind, glitches, glitches_beside, repeated_rows, usually_longest};
+use btr_core::signal::glitch::{
+    Glitch, GlitchKind, glitches, glitches_beside, repeated_rows, torque_glitches, usually_longest,
+};
 use std::ops::Range;
 
 /// Largest share of a channel's readings that is left out: more are no glitches, but how the sensor works. A sensor
@@ -11,21 +13,29 @@ pub(super) const MOST: f64 = 0.05;
 /// ... and with all its readings here.
 const MOST_STUCK: f64 = 0.2;
 
-/// The glitches in the joint positions of a log.
+/// Searches readings on a clock.
+type Search = fn(&[f64], &[f64]) -> Vec<Glitch>;
+
+/// The glitches in the joint positions and torques of a log.
 pub fn find_glitches(log: &Log) -> Vec<GlitchReport> {
     let lost = lost_messages(log);
-    let within = |at: &GlitchReport| lost.iter().any(|other| other.sample <= at.sample && at.end() <= other.end());
-    let single = positions(log).flat_map(|(name, channel)| {
-        let found = glitches(log.clock_s(), &channel.values).into_iter();
+    let is_lost = |at: &GlitchReport| {
+        let holds = |of: &&GlitchReport| of.channel == at.channel && of.sample <= at.sample && at.end() <= of.end();
+        lost.iter().any(|of| holds(&of))
+    };
+    let single =
+        positions(log).map(|of| (of, glitches as Search)).chain(torques(log).map(|of| (of, torque_glitches as _)));
+    let found = single.flat_map(|((name, channel), search)| {
+        let found = search(log.clock_s(), &channel.values).into_iter();
         found.map(move |glitch| report(log, name, &glitch, false))
     });
-    let mut all: Vec<GlitchReport> = single.filter(|glitch| !within(glitch)).collect();
+    let mut all: Vec<GlitchReport> = found.filter(|glitch| !is_lost(glitch)).collect();
     all.extend(lost.iter().cloned());
     sort(&mut all, log);
     all
 }
 
-/// The samples of all positions where they repeat the samples before.
+/// The samples of all positions where they repeat the samples before, and of the torques that do so as well.
 fn lost_messages(log: &Log) -> Vec<GlitchReport> {
     let values: Vec<&[f64]> = positions(log).map(|(_, channel)| channel.values.as_slice()).collect();
     let rows = repeated_rows(log.clock_s(), &values);
@@ -38,7 +48,11 @@ fn lost_messages(log: &Log) -> Vec<GlitchReport> {
             let glitch = Glitch { samples, worst, kind: GlitchKind::Stuck, value, expected };
             report(log, name, &glitch, true)
         };
-        positions(log).map(one).collect::<Vec<_>>()
+        let repeats = |(_, channel): &(&str, &Channel)| {
+            let of_message = &channel.values[samples.start - 1..samples.end];
+            of_message.iter().all(|x| x.to_bits() == of_message[0].to_bits())
+        };
+        positions(log).chain(torques(log).filter(repeats)).map(one).collect::<Vec<_>>()
     };
     rows.iter().flat_map(of_row).collect()
 }
@@ -130,5 +144,13 @@ pub(super) fn left_out_of(found: &[GlitchReport], channel: &str) -> usize {
 }
 
 fn positions(log: &Log) -> impl Iterator<Item = (&str, &Channel)> {
-    log.channels().filter(|(name, channel)| name.starts_with("q_") && channel.role == Role::Measured)
+    measured(log, "q_")
+}
+
+fn torques(log: &Log) -> impl Iterator<Item = (&str, &Channel)> {
+    measured(log, "tau_")
+}
+
+fn measured<'a>(log: &'a Log, prefix: &'static str) -> impl Iterator<Item = (&'a str, &'a Channel)> {
+    log.channels().filter(move |(name, channel)| name.starts_with(prefix) && channel.role == Role::Measured)
 }

@@ -163,7 +163,7 @@ pub struct CommandResponse {
 pub struct Quality {
     /// The clock.
     pub clock: ClockReport,
-    /// Readings of joint positions that no motion explains, channel by channel.
+    /// Readings of joint positions and torques that no motion explains, channel by channel.
     pub glitches: Vec<GlitchReport>,
     /// Commands and sensors.
     pub sensors: Vec<SensorReport>,

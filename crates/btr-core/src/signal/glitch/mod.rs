@@ -1,4 +1,4 @@
-//! Glitches in a position's readings: samples that no motion explains, because a sensor or its bus failed.
+//! Glitches in readings of positions and torques: samples that no motion explains, because a sensor or its bus failed.
 //!
 //! A joint moves smoothly: cubics through the readings around a few samples predict these to within the noise and the
 //! error with which they predict each other. A run of samples is a glitch if it departs from that prediction, at its
@@ -14,8 +14,8 @@ mod series;
 pub use rows::repeated_rows;
 pub use series::GlitchKind;
 
-use prediction::{APART, deviation, longest, median_step_s, quantisation, resolution};
-use series::{Departure, Series};
+use prediction::{APART, deviation, is_fine, longest, median_step_s, quantisation, range, resolution};
+use series::{Departure, Series, Torque};
 use std::ops::Range;
 
 /// A run of readings that no motion explains.
@@ -47,31 +47,54 @@ pub fn glitches(clock_s: &[f64], readings: &[f64]) -> Vec<Glitch> {
     let long: Vec<Glitch> = long_stuck::runs(clock_s, readings).into_iter().map(whole).collect();
     // Of such a run, the last samples depart from what follows.
     let is_part = |glitch: &Glitch| long.iter().any(|run| run.samples.contains(&glitch.samples.start));
-    let mut all = departing(clock_s, readings, None);
+    let mut all = departing(clock_s, readings, Of::Position);
     all.retain(|glitch| !is_part(glitch));
     all.extend(long);
     all.sort_by_key(|glitch| glitch.samples.start);
     all
 }
 
-/// The same beside a simulation of the readings, without which a fast motion hides small glitches. The error of a model
-/// that is wrong is as smooth as a motion.
+/// The glitches of a torque's readings; NaN are missing samples. A torque has no turns to be off by, and may rest at
+/// one value for long, as at a limit. It jumps where dry friction changes its sign: of several samples in a row, only
+/// those count that are zero or repeat a reading, if the readings are too fine to do so by chance, or that are far
+/// outside their range.
+pub fn torque_glitches(clock_s: &[f64], readings: &[f64]) -> Vec<Glitch> {
+    departing(clock_s, readings, Of::Torque)
+}
+
+/// The glitches of a position beside a simulation of its readings, without which a fast motion hides small ones. The
+/// error of a model that is wrong is as smooth as a motion.
 pub fn glitches_beside(clock_s: &[f64], readings: &[f64], simulated: &[f64]) -> Vec<Glitch> {
     let errors: Vec<f64> = readings.iter().zip(simulated).map(|(reading, simulated)| reading - simulated).collect();
     let absolute = |glitch: Glitch| {
         let model = simulated[glitch.worst];
         Glitch { value: glitch.value + model, expected: glitch.expected + model, ..glitch }
     };
-    departing(clock_s, readings, Some(&errors)).into_iter().map(absolute).collect()
+    departing(clock_s, readings, Of::Errors(&errors)).into_iter().map(absolute).collect()
+}
+
+/// What is searched.
+#[derive(Clone, Copy)]
+enum Of<'a> {
+    /// The readings of a position.
+    Position,
+    /// Those of a torque.
+    Torque,
+    /// A position's errors beside a simulation.
+    Errors(&'a [f64]),
 }
 
 /// The runs of readings, or of their errors beside a simulation, that depart from their neighbours' predictions.
-fn departing(clock_s: &[f64], readings: &[f64], errors: Option<&[f64]>) -> Vec<Glitch> {
-    let values = errors.unwrap_or(readings);
+fn departing(clock_s: &[f64], readings: &[f64], of: Of<'_>) -> Vec<Glitch> {
+    let (values, finest, is_beside) = match of {
+        Of::Errors(errors) => (errors, quantisation(readings), true),
+        _ => (readings, resolution(readings), false),
+    };
     let present: Vec<usize> = (0..values.len()).filter(|&i| values[i].is_finite()).collect();
-    let finest = if errors.is_some() { quantisation(readings) } else { resolution(readings) };
     let sigma = finest.and_then(|finest| deviation(clock_s, values, finest));
     let (Some(sigma), Some(step_s)) = (sigma, median_step_s(clock_s)) else { return Vec::new() };
+    let torque = matches!(of, Of::Torque)
+        .then(|| Torque { is_fine: is_fine(readings, sigma), range: range(readings).unwrap_or(f64::INFINITY) });
     let together = |a: &usize, b: &usize| clock_s[*b] - clock_s[*a] <= APART * step_s;
     let found = present.chunk_by(together).flat_map(|samples| {
         let of = |values: &[f64]| samples.iter().map(|&i| values[i]).collect();
@@ -79,7 +102,8 @@ fn departing(clock_s: &[f64], readings: &[f64], errors: Option<&[f64]>) -> Vec<G
             t: of(clock_s),
             x: of(values),
             readings: of(readings),
-            is_beside: errors.is_some(),
+            is_beside,
+            torque,
             sigma,
             step_s,
             longest: longest(step_s),
@@ -168,6 +192,40 @@ mod tests {
             // Of a stuck sensor the first readings may still be right.
             prop_assert!(found[0].samples.end == samples.end, "{:?} {:?}", samples, found);
             prop_assert!(found[0].samples.start == samples.start || kind == Stuck, "{:?} {:?}", samples, found);
+        }
+    }
+
+    /// A joint's torque: its motion's, and dry friction, whose sign changes.
+    fn torque(seed: u64, quantum: f64) -> Vec<f64> {
+        let mut rng = stream(seed, &[2]);
+        let at = |t: f64| 20.0 * (3.0 * t).sin() + 5.0 + 6.0 * (3.0 * t).cos().signum();
+        let round = |x: f64| if quantum > 0.0 { (x / quantum).round() * quantum } else { x };
+        let mut gaussian = || (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
+        clock(600).iter().map(|t| round(at(*t) + 0.5 * gaussian())).collect()
+    }
+
+    #[test]
+    fn a_torque_has_no_glitch_where_friction_changes_its_sign_nor_where_it_rests() {
+        for seed in 0..300 {
+            let mut values = torque(seed, if seed % 2 == 0 { 0.0 } else { 0.5 });
+            let limit = if seed % 3 == 0 { 0.0 } else { values[250] };
+            values[250..350].fill(limit);
+            assert_eq!(torque_glitches(&clock(600), &values), [], "{seed}");
+        }
+    }
+
+    #[test]
+    fn spikes_and_exact_zeros_of_a_torque_are_found() {
+        for seed in 0..100 {
+            let mut values = torque(seed, 0.0);
+            // 12 deviations above the rest; and zeros 4 deviations away, too near to show by their size.
+            (values[100], values[203]) = (values[100] + 60.0, values[203] - std::f64::consts::TAU * 10.0);
+            let near = (300..590).find(|&i| (values[i - 3..i + 5].iter().all(|x| (2.5..9.0).contains(x)))).unwrap();
+            values[near..near + 2].fill(0.0);
+            let found = torque_glitches(&clock(600), &values);
+            let kinds: Vec<_> = found.iter().map(|glitch| (glitch.samples.clone(), glitch.kind)).collect();
+            let [spike, zero] = [GlitchKind::Spike, GlitchKind::Zero];
+            assert_eq!(kinds, [(100..101, spike), (203..204, spike), (near..near + 2, zero)], "{seed}");
         }
     }
 

@@ -30,8 +30,7 @@ pub(super) fn deviation(clock_s: &[f64], values: &[f64], resolution: f64) -> Opt
 
 /// Standard deviation of the readings' quantisation: the encoder's step is among the smallest between two readings.
 pub(super) fn resolution(readings: &[f64]) -> Option<f64> {
-    let present = || readings.iter().copied().filter(|x| x.is_finite());
-    let least = FINEST * (quantile(present().collect(), 0.95)? - quantile(present().collect(), 0.05)?);
+    let least = FINEST * range(readings)?;
     let steps: Vec<f64> =
         readings.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > least).collect();
     let assumed = std::f64::consts::TAU / 4096.0;
@@ -42,9 +41,14 @@ pub(super) fn resolution(readings: &[f64]) -> Option<f64> {
 /// The same for errors beside a simulation: there the motion's own steps do not count, and only a step that all
 /// readings are multiples of is the encoder's.
 pub(super) fn quantisation(readings: &[f64]) -> Option<f64> {
-    let present = || readings.iter().copied().filter(|x| x.is_finite());
-    let least = FINEST * (quantile(present().collect(), 0.95)? - quantile(present().collect(), 0.05)?);
-    Some(least.max(quantum(present().collect()).unwrap_or(0.0) / 12.0_f64.sqrt()))
+    let present = readings.iter().copied().filter(|x| x.is_finite());
+    Some((FINEST * range(readings)?).max(quantum(present.collect()).unwrap_or(0.0) / 12.0_f64.sqrt()))
+}
+
+/// The range of nine in ten readings.
+pub(super) fn range(readings: &[f64]) -> Option<f64> {
+    let present = || readings.iter().copied().filter(|x| x.is_finite()).collect();
+    Some(quantile(present(), 0.95)? - quantile(present(), 0.05)?)
 }
 
 /// The polynomial through points of increasing time, at another time (J.-L. Lagrange).
@@ -54,6 +58,14 @@ pub(super) fn lagrange(at: f64, points: &[(f64, f64)]) -> f64 {
         others.map(|(_, (t, _))| (at - t) / (points[k].0 - t)).product::<f64>()
     };
     points.iter().enumerate().map(|(k, (_, x))| weight(k) * x).sum()
+}
+
+/// Whether a series with noise of this standard deviation is so finely resolved that it is not exactly zero, nor
+/// the same twice, by chance.
+pub(super) fn is_fine(readings: &[f64], sigma: f64) -> bool {
+    /// Largest step of the readings, in standard deviations.
+    const STEP: f64 = 0.03;
+    quantum(readings.iter().copied().filter(|x| x.is_finite()).collect()).is_none_or(|step| step < STEP * sigma)
 }
 
 /// Whether two readings are the same, bit by bit.

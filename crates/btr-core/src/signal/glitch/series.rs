@@ -20,6 +20,8 @@ pub(super) const JUMP: f64 = 4.0;
 pub(super) const AROUND: usize = 10;
 /// Least departure beside a simulation of readings that are exactly zero, or repeated until the joint has caught up.
 const PATTERN_SIGMAS: f64 = 7.0;
+/// Least departure of exact zeros in a series that has none by chance.
+const FOREIGN_ZERO_SIGMAS: f64 = 3.0;
 /// Least step after a sensor was stuck, in steps that it lacks.
 const CAUGHT_UP: f64 = 0.7;
 /// Least step before a sensor was stuck, in the usual ones of what it missed: less is the onset of a motion.
@@ -56,6 +58,17 @@ pub(super) struct Series {
     pub(super) longest: usize,
     /// Whether `x` is the difference between the readings and a simulation of them.
     pub(super) is_beside: bool,
+    /// Where the readings are torques, what is known of these.
+    pub(super) torque: Option<Torque>,
+}
+
+/// What is known of torques. They may jump, and back after a few samples, as where friction changes its sign twice.
+#[derive(Clone, Copy)]
+pub(super) struct Torque {
+    /// Whether they are too fine to be exactly zero, or the same twice, by chance.
+    pub(super) is_fine: bool,
+    /// Range of nine in ten readings.
+    pub(super) range: f64,
 }
 
 /// A run of samples that departs from what its neighbours predict.
@@ -125,10 +138,10 @@ impl Series {
             return self.at_an_end(run, &before);
         }
         let inner = [before[1], before[2], after[0], after[1]];
-        let is_pattern = self.is_beside && (self.is_zero(&run) || self.catches_up(&run));
-        let sigmas = if is_pattern { PATTERN_SIGMAS } else { SIGMAS };
+        let sigmas = self.sigmas(&run);
         // Most runs end here.
-        if self.least(&run, &inner) <= sigmas * self.sigma || self.may_be_motion(&run, before[2], after[0]) {
+        let least = self.least(&run, &inner);
+        if least <= sigmas * self.sigma || self.may_be_motion(&run, before[2], after[0]) || self.may_jump(&run, least) {
             return None;
         }
         let all: Vec<usize> = before.iter().chain(&after).copied().collect();
@@ -144,7 +157,16 @@ impl Series {
         let noisy = if sure { NOISY } else { -SIGMAS / ERRORS };
         let rough = (error - noisy * self.sigma).max(0.0);
         let most = sigmas * self.sigma + ERRORS * rough + self.mistimed(&before, &after);
-        (self.least(&run, &inner) > most).then(|| self.depart(run, &inner))
+        (least > most).then(|| self.depart(run, &inner))
+    }
+
+    /// Least departure of a run that is a glitch, in standard deviations of the noise.
+    fn sigmas(&self, run: &Range<usize>) -> f64 {
+        match () {
+            () if self.torque.is_some_and(|torque| torque.is_fine) && self.is_zero(run) => FOREIGN_ZERO_SIGMAS,
+            () if self.is_beside && (self.is_zero(run) || self.catches_up(run)) => PATTERN_SIGMAS,
+            () => SIGMAS,
+        }
     }
 
     /// How far the joint moves in the time by which the clock's steps around a run differ from the usual one.
@@ -217,6 +239,14 @@ impl Series {
         is_between && !self.is_zero(run) && !self.gets_stuck(run)
     }
 
+    /// Whether a run that departs by this much may be a torque that jumps.
+    fn may_jump(&self, run: &Range<usize>, departure: f64) -> bool {
+        self.torque.is_some_and(|torque| {
+            let is_pattern = torque.is_fine && (self.is_zero(run) || self.repeats(run));
+            run.len() > 1 && !is_pattern && departure <= torque.range
+        })
+    }
+
     /// Whether a run repeats the reading before it, and the joint moves.
     fn gets_stuck(&self, run: &Range<usize>) -> bool {
         if self.is_beside {
@@ -265,7 +295,9 @@ impl Series {
     pub(super) fn kind(&self, run: &Departure) -> GlitchKind {
         let turns = (self.x[run.worst] - run.expected) / std::f64::consts::TAU;
         match () {
-            () if turns.abs() > 0.5 && (turns - turns.round()).abs() < TURN => GlitchKind::WrapAround,
+            () if self.torque.is_none() && turns.abs() > 0.5 && (turns - turns.round()).abs() < TURN => {
+                GlitchKind::WrapAround
+            }
             () if self.is_zero(&run.samples) => GlitchKind::Zero,
             () if self.repeats(&run.samples) => GlitchKind::Stuck,
             () => GlitchKind::Spike,

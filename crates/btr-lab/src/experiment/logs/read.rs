@@ -4,7 +4,8 @@ use super::source::{LogSource, ReadLog};
 use crate::experiment::file::File;
 use crate::experiment::source::FileError;
 use crate::log_quality::{torque_noise, usable};
-use btr_core::log::Log;
+use btr_core::log::{Log, Role};
+use btr_core::signal::missing;
 use btr_core::text::Text;
 use btr_identify::quality::{find_glitches, leave_out_glitches};
 use btr_physics::robot::{Base, Robot};
@@ -51,6 +52,15 @@ fn thin(log: &mut Log, control_s: Option<f64>) -> Option<(usize, f64, String)> {
     let count = (period_s / step_s * (1.0 + 1e-3)).floor() as usize;
     if count < 2 || count > log.len() {
         return None;
+    }
+    let clock_s = log.clock_s().to_vec();
+    let measured = log.channels().filter(|(_, channel)| channel.role == Role::Measured);
+    let measured: Vec<String> = measured.map(|(name, _)| name.to_owned()).collect();
+    for name in &measured {
+        if let Some(values) = log.values_mut(name) {
+            let bridged = missing::bridged(&clock_s, values, count);
+            values.copy_from_slice(&bridged);
+        }
     }
     *log = log.means(count).from_zero();
     let (before, after) = (1.0 / step_s, 1.0 / (step_s * count as f64));

@@ -121,7 +121,7 @@ class CheckedLog(Record):
     channels: list[SensorReport]
     """The channels: commands and sensors."""
     glitches: list[Glitch]
-    """Readings of joint positions that no motion explains."""
+    """Readings of joint positions and torques that no motion explains."""
     joints: list[CommandResponse]
     """The response of each joint to its command."""
     findings: list[Finding]
