@@ -1,6 +1,6 @@
 //! `btr check`: which numbers a log tells, and which it tells together only.
 
-use crate::lab::Lab;
+use crate::lab::{Lab, noise};
 use serde_json::Value;
 
 /// A pendulum on a servo without its gravity known apart: mass, gain and damping together are only a scale.
@@ -156,4 +156,51 @@ fn a_sine_tells_no_dead_time_but_what_to_record() {
     assert!(joint["dead_time_s"].is_null() && joint["dead_time_onsets"] == 0, "{joint}");
     let said = checked["logs"][0]["findings"].to_string();
     assert!(said.contains("record at least three steps"), "{said}");
+}
+
+/// Each log's servo gain and the phase of its command.
+const GAINS: [(&str, f64, f64); 4] =
+    [("soft", 20.0, 0.0), ("stiff", 80.0, 1.0), ("soft_again", 20.0, 2.0), ("stiff_again", 80.0, 3.0)];
+
+/// A log in which the pendulum of `late.toml` follows three sines.
+fn sines(lab: &Lab, name: &str, phase: f64) {
+    let command = |t: f64| {
+        let slow = 0.5 * ((1.3 * t + phase).sin() - phase.sin());
+        slow + 0.2 * (4.1 * t).sin() + 0.1 * (9.0 * t).sin()
+    };
+    let time = |i: u32| 0.01 * f64::from(i);
+    let rows: String = (0..1000).map(|i| format!("{:.2},{},0\n", time(i), command(time(i)))).collect();
+    lab.write(&format!("{name}_command.csv"), &format!("t,cmd_hinge,q_hinge\n{rows}"));
+    lab.ok(&format!("simulate late.toml --log {name}_command.csv -q --overwrite -o exact.csv"));
+    let exact = lab.read("exact.csv");
+    let column = |name: &str| exact.lines().next().unwrap().split(',').position(|it| it == name).unwrap();
+    let (t, q) = (column("t"), column("q_hinge"));
+    let cell = |line: &str, column: usize| line.split(',').nth(column).unwrap().parse::<f64>().unwrap();
+    let at: Vec<(f64, f64)> = exact.lines().skip(1).map(|line| (cell(line, t), cell(line, q))).collect();
+    let recorded = (0..1000).filter_map(|i| {
+        let exact = at.iter().find(|(t, _)| (t - time(i)).abs() < 1e-6)?.1;
+        Some(format!("{:.2},{},{}\n", time(i), command(time(i)), exact + 5e-4 * noise(i, phase)))
+    });
+    lab.write(&format!("{name}.csv"), &format!("t,cmd_hinge,q_hinge\n{}", recorded.collect::<String>()));
+}
+
+#[test]
+fn logs_at_two_gains_tell_a_dead_time_without_a_step() {
+    let lab = lab();
+    let row = |(name, gain, _): &(&str, f64, f64)| format!("{name}.csv,{gain}\n{name}_command.csv,{gain}\n");
+    lab.write("index.csv", &format!("file,gain\n{}", GAINS.iter().map(row).collect::<String>()));
+    let robot = &MODEL[..MODEL.find("[parameters]").unwrap()];
+    let logs = "[logs]\nindex = \"index.csv\"\ncolumns = { \"kp@hinge\" = { column = \"gain\" } }\n";
+    let free = "[parameters]\n\"kd@hinge\" = { bounds = [0.1, 9.0] }\n";
+    lab.write("servo.toml", &format!("{robot}{logs}{free}"));
+    let late = "[[effects]]\neffect = \"command_delay\"\nsite = \"hinge\"\ndelay = 0.04\n";
+    lab.write("late.toml", &format!("{}{logs}{late}", robot.replace("kd = 0.5", "kd = 2.5")));
+    GAINS.iter().for_each(|(name, _, phase)| sines(&lab, name, *phase));
+    let checked = lab.json("check servo.toml soft.csv stiff.csv");
+    let lag = |log: usize| checked["logs"][log]["joints"][0]["command_lag"]["lag_s"].as_f64().unwrap();
+    assert!(lag(0) > 1.5 * lag(1) && lag(1) > 0.06, "{} {}", lag(0), lag(1));
+    let held_out = "--held-out soft_again.csv stiff_again.csv";
+    let fitted = lab.json(&format!("fit servo.toml soft.csv stiff.csv {held_out} --add command_delay@hinge"));
+    let delay = &parameter(&fitted, "command_delay.delay@hinge")["value"];
+    assert!((delay.as_f64().unwrap() - 0.04).abs() < 5e-4, "{fitted}");
 }
