@@ -7,6 +7,7 @@ use crate::diagnose::own;
 use crate::fit::{FitPoint, Objective, corrected, rows_near, shared};
 use crate::residual_model::Parametrisation;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
 
 /// Largest amplitude for which a probe is extrapolated, in multiples of the probe's.
 pub(super) const STRETCH: f64 = 4.0;
@@ -18,8 +19,9 @@ const AT_REST: f64 = 0.01;
 const HELD: f64 = 1e9;
 /// Size of a limit that is only reached where another parameter of its effect is on, in typical sizes.
 const UNREACHED: f64 = 0.6;
-/// Number of points that are simulated at once; limits the memory.
+/// Number of points that are simulated at once, and of starts that are probed at once; limits the memory.
 const BATCH: usize = 48;
+const STARTS: usize = 12;
 
 /// The linear model of a base on some of the logs: how its parameters respond to any change of the residual.
 pub(super) struct BasePoint<'a> {
@@ -92,19 +94,26 @@ impl<'a> BasePoint<'a> {
         Some(BasePoint { index, logs, fit, jacobian, systems })
     }
 
-    /// The predicted best point of a candidate with the shapes of an earlier prediction, probed on the side of its
+    /// The predicted best points of candidates with the shapes of earlier predictions, probed on the side of their
     /// amplitudes: with slipping or lifting feet, the other side responds differently.
     pub(super) fn predicted(
         &self,
         objective: &Objective,
-        start: &StartPoint,
+        starts: &[&StartPoint],
         sizes: &ProbeSizes,
-    ) -> Option<StartPoint> {
-        let around = |amplitude: usize| Some(start.u[amplitude]);
-        let mut probes = self.probes(objective, start.candidate, &[start.shapes(objective)], sizes, &around);
-        probes.iter_mut().filter(|probe| start.u[probe.amplitude] < 0.0).for_each(|probe| probe.size = -probe.size);
-        let columns = self.columns(objective, &probes);
-        self.best_point(objective, &probes, &columns)
+    ) -> Vec<StartPoint> {
+        let probes = |start: &&StartPoint| {
+            let around = |amplitude: usize| Some(start.u[amplitude]);
+            let mut probes = self.probes(objective, start.candidate, &[start.shapes(objective)], sizes, &around);
+            probes.iter_mut().filter(|probe| start.u[probe.amplitude] < 0.0).for_each(|probe| probe.size = -probe.size);
+            probes
+        };
+        let of_starts = |starts: &[&StartPoint]| {
+            let each: Vec<Vec<Probe>> = starts.iter().map(probes).collect();
+            let columns = self.columns(objective, &each.concat());
+            self.best_points(objective, &each, &columns)
+        };
+        starts.chunks(STARTS).flat_map(of_starts).collect()
     }
 
     /// The predicted best points of candidates, each for the best of its starts; `onsets` are those of limits.
@@ -129,13 +138,25 @@ impl<'a> BasePoint<'a> {
             };
             let each: Vec<Vec<Probe>> = kind.iter().map(probes).collect();
             let all: Vec<&Probe> = each.iter().flatten().collect();
-            let mut all_columns = self.columns_together(objective, &all).into_iter();
-            for probes in &each {
-                let columns: Vec<Option<DVector<f64>>> = all_columns.by_ref().take(probes.len()).collect();
-                predicted.extend(self.best_point(objective, probes, &columns));
-            }
+            let columns = self.columns_together(objective, &all);
+            predicted.extend(self.best_points(objective, &each, &columns));
         }
         predicted
+    }
+
+    /// The predicted best point of each candidate from its probes, whose columns follow one another.
+    fn best_points(
+        &self,
+        objective: &Objective,
+        each: &[Vec<Probe>],
+        mut columns: &[Option<DVector<f64>>],
+    ) -> Vec<StartPoint> {
+        let split = |probes: &'_ Vec<Probe>| columns.split_off(..probes.len()).unwrap_or_default();
+        let of_each: Vec<&[Option<DVector<f64>>]> = each.iter().map(split).collect();
+        let best = |(probes, columns): (&Vec<Probe>, &[Option<DVector<f64>>])| {
+            self.best_point(objective, probes, columns)
+        };
+        each.par_iter().zip(of_each).filter_map(best).collect()
     }
 
     /// The predicted best point of a candidate from its probes.

@@ -85,10 +85,10 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
         let Some(point) = BasePoint::new(objective, index, base, objective.logs(LogSet::Learn).to_vec()) else {
             return (vec![], vec![]);
         };
-        let starts = coarse.iter().filter(|start| index == 0 || start.base == index);
-        let near: Vec<StartPoint> = starts.filter_map(|start| point.predicted(objective, start, &FINE)).collect();
-        let beyond = near.iter().filter(|start| goes_further(objective, start));
-        let far = beyond.filter_map(|start| point.predicted(objective, start, &FAR)).collect();
+        let starts: Vec<&StartPoint> = coarse.iter().filter(|start| index == 0 || start.base == index).collect();
+        let near = point.predicted(objective, &starts, &FINE);
+        let beyond: Vec<&StartPoint> = near.iter().filter(|start| goes_further(objective, start)).collect();
+        let far = point.predicted(objective, &beyond, &FAR);
         (near, far)
     };
     let (near, far): (Vec<Vec<StartPoint>>, Vec<Vec<StartPoint>>) = bases.iter().enumerate().map(probe_finely).unzip();

@@ -4,6 +4,7 @@
 use crate::fit::rollouts::rows_near;
 use crate::residual_model::{ModelDescription, RecordedLog};
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -71,14 +72,17 @@ pub(in crate::fit) fn curvature(jacobian: &DMatrix<f64>, blocks: &[Block]) -> DM
     if blocks.is_empty() {
         return jacobian.tr_mul(jacobian);
     }
+    let parts: Vec<(&Vec<usize>, &Range<usize>)> =
+        blocks.iter().flat_map(|Block { rows, columns }| rows.iter().map(move |rows| (columns, rows))).collect();
+    let sums = |(columns, rows): &(&Vec<usize>, &Range<usize>)| {
+        let part = jacobian.rows(rows.start, rows.len()).select_columns(*columns);
+        part.tr_mul(&part)
+    };
+    let sums: Vec<DMatrix<f64>> = parts.par_iter().map(sums).collect();
     let mut curvature = DMatrix::zeros(jacobian.ncols(), jacobian.ncols());
-    for Block { rows, columns } in blocks {
-        for rows in rows {
-            let part = jacobian.rows(rows.start, rows.len()).select_columns(columns);
-            let sums = part.tr_mul(&part);
-            for (i, &row) in columns.iter().enumerate() {
-                columns.iter().enumerate().for_each(|(j, &column)| curvature[(row, column)] += sums[(i, j)]);
-            }
+    for ((columns, _), sums) in parts.into_iter().zip(sums) {
+        for (i, &row) in columns.iter().enumerate() {
+            columns.iter().enumerate().for_each(|(j, &column)| curvature[(row, column)] += sums[(i, j)]);
         }
     }
     curvature

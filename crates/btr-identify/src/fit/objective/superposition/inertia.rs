@@ -20,9 +20,33 @@ impl InertiaResponse {
         InertiaResponse { origin, known: Vec::new() }
     }
 
-    /// The change of the residual at some inertias; `simulate` is asked for it where it does not follow from what is
-    /// known. `None` where that fails.
-    pub(super) fn change(&mut self, inertias: &[f64], simulate: impl FnOnce() -> Option<Vec<f64>>) -> Option<Vec<f64>> {
+    /// The change of the residual at some inertias; `None` where it does not follow from what is known.
+    pub(super) fn change(&self, inertias: &[f64]) -> Option<Vec<f64>> {
+        let Split { along, unknown, whole, .. } = self.split(inertias);
+        if unknown > SHARES[0] * whole {
+            return None;
+        }
+        let rows = self.known.first().map_or(0, |(_, response)| response.len());
+        let mut change = vec![0.0; rows];
+        let seen = |share: &f64| share.abs() > f64::EPSILON * whole;
+        along.iter().zip(&self.known).filter(|(share, _)| seen(share)).for_each(|(share, (_, response))| {
+            add(&mut change, *share, response);
+        });
+        Some(change)
+    }
+
+    /// Learns from a simulated change.
+    pub(super) fn learn(&mut self, inertias: &[f64], change: &[f64]) {
+        let Split { along, mut rest, unknown, whole } = self.split(inertias);
+        if unknown > SHARES[1] * whole {
+            let mut response = change.to_vec();
+            along.iter().zip(&self.known).for_each(|(share, (_, known))| add(&mut response, -share, known));
+            [&mut rest, &mut response].into_iter().flatten().for_each(|x| *x /= unknown);
+            self.known.push((rest, response));
+        }
+    }
+
+    fn split(&self, inertias: &[f64]) -> Split {
         let scaled = |(k, (to, from)): (usize, (&f64, &f64))| (to - from) / SIZES[k % SIZES.len()];
         let mut rest: Vec<f64> = inertias.iter().zip(&self.origin).enumerate().map(scaled).collect();
         let whole = norm(&rest);
@@ -35,25 +59,18 @@ impl InertiaResponse {
                 *share += part;
             }
         }
-        let unknown = norm(&rest);
-        if unknown > SHARES[0] * whole {
-            let change = simulate()?;
-            if unknown > SHARES[1] * whole {
-                let mut response = change.clone();
-                along.iter().zip(&self.known).for_each(|(share, (_, known))| add(&mut response, -share, known));
-                [&mut rest, &mut response].into_iter().flatten().for_each(|x| *x /= unknown);
-                self.known.push((rest, response));
-            }
-            return Some(change);
-        }
-        let rows = self.known.first().map_or(0, |(_, response)| response.len());
-        let mut change = vec![0.0; rows];
-        let seen = |share: &f64| share.abs() > f64::EPSILON * whole;
-        along.iter().zip(&self.known).filter(|(share, _)| seen(share)).for_each(|(share, (_, response))| {
-            add(&mut change, *share, response);
-        });
-        Some(change)
+        Split { along, unknown: norm(&rest), rest, whole }
     }
+}
+
+/// Inertias by the directions that are known.
+struct Split {
+    along: Vec<f64>,
+    /// What is left of them, ...
+    rest: Vec<f64>,
+    /// ... how large that is, and how large they are.
+    unknown: f64,
+    whole: f64,
 }
 
 fn norm(x: &[f64]) -> f64 {
@@ -67,22 +84,24 @@ fn add(to: &mut [f64], share: f64, what: &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::cell::Cell;
 
     #[test]
     fn each_direction_is_simulated_once_and_then_added_up() {
         let truth = |x: &[f64]| vec![3.0 * x[0] - x[1], 0.5 * x[1] + 2.0 * x[2], x[0] - 40.0 * x[5]];
-        let (mut response, asked) = (InertiaResponse::new(vec![0.0; 10]), Cell::new(0));
+        let (mut response, mut asked) = (InertiaResponse::new(vec![0.0; 10]), 0);
         let mut at = |x: [f64; 3]| {
             let mut inertias = vec![0.0; 10];
             (inertias[0], inertias[1], inertias[5]) = (x[0], x[1], x[2]);
-            let simulate = || {
-                asked.set(asked.get() + 1);
-                Some(truth(&inertias))
-            };
-            let change = response.change(&inertias, simulate).unwrap_or_default();
-            change.iter().zip(truth(&inertias)).for_each(|(a, b)| assert!((a - b).abs() < 1e-9, "{a} {b}"));
-            asked.get()
+            match response.change(&inertias) {
+                Some(change) => {
+                    change.iter().zip(truth(&inertias)).for_each(|(a, b)| assert!((a - b).abs() < 1e-9, "{a} {b}"));
+                }
+                None => {
+                    asked += 1;
+                    response.learn(&inertias, &truth(&inertias));
+                }
+            }
+            asked
         };
         assert_eq!(at([1.0, 0.2, 0.0]), 1);
         assert_eq!(at([2.0, 0.4, 0.0]), 1);

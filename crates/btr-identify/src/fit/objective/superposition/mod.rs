@@ -13,11 +13,11 @@ use self::parts::{Key, Parts};
 use crate::fit::rollouts::{rows_near, shared};
 use crate::residual_model::{JointLaws, ModelDescription, ResidualModel};
 use btr_core::world::WorldError;
+use indexmap::IndexMap;
 use rayon::prelude::*;
-use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// How many numbers are kept, in all residuals and changes (256 MiB).
 const MOST_KEPT: usize = 1 << 25;
@@ -37,7 +37,7 @@ pub(super) struct Problem<'a> {
     pub(super) joint_parts: &'a Simulate<'a>,
 }
 
-/// What was simulated.
+/// What was simulated. It is not locked while something is simulated or added up: other threads go on meanwhile.
 #[derive(Default)]
 pub(super) struct Superposition {
     known: Mutex<Known>,
@@ -49,21 +49,111 @@ struct Known {
     kept: HashMap<Key, Simulated>,
     /// For each log, the response to the robot's inertias.
     inertias: HashMap<usize, InertiaResponse>,
+    /// For each log, the last change by the links' parameters: what acts in joints is often varied beside them.
+    links: HashMap<usize, (Vec<f64>, Arc<Vec<f64>>)>,
 }
+
+/// Some of what is known.
+type Found = HashMap<Key, Simulated>;
 
 impl Superposition {
     /// The residuals at points in logs.
     pub(super) fn residuals(&self, problem: Problem, points: &[(&[f64], usize)]) -> Vec<Result<Vec<f64>, WorldError>> {
         let mut parts: Vec<Parts> = points.iter().map(|(u, log)| Parts::of(problem.description, u, *log)).collect();
-        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        known.forget();
-        let of_links = known.add_links(problem, &mut parts);
-        known.add_residuals(problem, problem.simulate, parts.iter().map(Parts::rest).collect());
+        self.lock().forget();
+        let of_links: Vec<_> = parts.iter_mut().map(|part| self.change_by_links(problem, part)).collect();
+        let mut found = self.simulated(problem, problem.simulate, parts.iter().map(Parts::rest));
         let laws = parts.iter().flat_map(|part| part.added.iter().map(|added| part.laws(added)));
-        known.add_laws(problem, laws.collect());
-        let known = &*known;
-        let sum = |(part, of_links): (&Parts, &Option<Vec<f64>>)| known.sum(problem, part, of_links.as_deref());
+        found.extend(self.changes_by_laws(problem, laws));
+        let sum = |(part, of_links): (&Parts, &Option<Arc<Vec<f64>>>)| {
+            sum(problem, &found, part, of_links.as_ref().map(|change| change.as_slice()))
+        };
         parts.par_iter().zip(&of_links).map(sum).collect()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Known> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The change of the residual by the links' parameters of a point, from what is known of inertias or by a
+    /// simulation; `None` without such parameters, or where they cannot be told apart: then they become part of the
+    /// rest.
+    fn change_by_links(&self, problem: Problem, part: &mut Parts) -> Option<Arc<Vec<f64>>> {
+        let links = part.links.take()?;
+        let change = self.of_links(problem, &links, part.log);
+        if change.is_none() {
+            problem.description.inertial.iter().for_each(|&k| part.rest[k] = links[k]);
+        }
+        change
+    }
+
+    fn of_links(&self, problem: Problem, links: &[f64], log: usize) -> Option<Arc<Vec<f64>>> {
+        if let Some((_, change)) = self.lock().links.get(&log).filter(|(last, _)| is_same(last, links)) {
+            return Some(change.clone());
+        }
+        let off = self.simulated(problem, problem.simulate, std::iter::once(Key::off(log)));
+        let off = off.get(&Key::off(log))?.as_ref().ok()?;
+        let inertias = |u: &[f64]| problem.model.inertias(u, log);
+        let (origin, here) = (inertias(&vec![0.0; links.len()])?, inertias(links)?);
+        let response =
+            |known: &mut Known| known.inertias.entry(log).or_insert_with(|| InertiaResponse::new(origin)).change(&here);
+        let added_up = response(&mut self.lock());
+        let change = match added_up {
+            Some(change) => change,
+            None => {
+                let residual = (problem.simulate)(&[(links.to_vec(), log)]).pop()?.ok()?;
+                let change: Vec<f64> = residual.iter().zip(off.iter()).map(|(with, off)| finite(with - off)).collect();
+                // Added up from now on: the same bits as later.
+                let mut known = self.lock();
+                let response = known.inertias.get_mut(&log)?;
+                response.learn(&here, &change);
+                response.change(&here).unwrap_or(change)
+            }
+        };
+        let change = Arc::new(change);
+        self.lock().links.insert(log, (links.to_vec(), change.clone()));
+        Some(change)
+    }
+
+    /// Residuals of keys; those that are not known are simulated.
+    fn simulated(&self, problem: Problem, simulate: &Simulate, keys: impl Iterator<Item = Key>) -> Found {
+        let (mut found, missing) = self.lock().find(keys);
+        let points: Vec<(Vec<f64>, usize)> = missing.iter().map(|key| problem.point(key)).collect();
+        let residuals = simulate(&points).into_iter().map(|residual| residual.map(Arc::new));
+        let new: Vec<(Key, Simulated)> = missing.into_iter().zip(residuals).collect();
+        self.lock().kept.extend(new.iter().cloned());
+        found.extend(new);
+        found
+    }
+
+    /// Changes by laws; those that are not known are simulated, those of different channels together.
+    fn changes_by_laws(&self, problem: Problem, keys: impl Iterator<Item = Key>) -> Found {
+        let (mut found, missing) = self.lock().find(keys);
+        let bases: Vec<Key> = missing.iter().filter_map(Key::base).collect();
+        let at_bases = self.simulated(problem, problem.joint_parts, bases.iter().cloned());
+        let mut of_bases: IndexMap<&Key, Vec<&Key>> = IndexMap::new();
+        missing.iter().zip(&bases).for_each(|(key, base)| of_bases.entry(base).or_default().push(key));
+        let channels = |key: &&Key| problem.laws(key).map_or(&[][..], |laws| laws.channels.as_slice());
+        let together = |keys: &Vec<&Key>| {
+            let groups = shared(keys.iter().map(channels));
+            groups.into_iter().map(|group| group.into_iter().map(|k| keys[k].clone()).collect()).collect::<Vec<_>>()
+        };
+        let probes: Vec<Vec<Key>> = of_bases.values().flat_map(together).collect();
+        let points: Vec<(Vec<f64>, usize)> = probes.iter().map(|keys| problem.together(keys)).collect();
+        let mut new: Vec<(Key, Simulated)> = Vec::new();
+        for (keys, with) in probes.into_iter().zip((problem.joint_parts)(&points)) {
+            for key in keys {
+                let change = match (&with, key.base().and_then(|base| at_bases.get(&base))) {
+                    (Ok(with), Some(Ok(base))) => Ok(Arc::new(problem.change(&key, with, base))),
+                    (Err(error), _) | (_, Some(Err(error))) => Err(error.clone()),
+                    (Ok(_), None) => continue,
+                };
+                new.push((key, change));
+            }
+        }
+        self.lock().kept.extend(new.iter().cloned());
+        found.extend(new);
+        found
     }
 }
 
@@ -75,95 +165,38 @@ impl Known {
         }
     }
 
-    /// The change of the residual by the links' parameters of each point, from what is known of inertias or by a
-    /// simulation; `None` without such parameters, or where they cannot be told apart: then they become part of the
-    /// rest.
-    fn add_links(&mut self, problem: Problem, parts: &mut [Parts]) -> Vec<Option<Vec<f64>>> {
-        let with_links = parts.iter().filter(|part| part.links.is_some());
-        let off = with_links.map(|part| Key::off(part.log)).collect();
-        self.add_residuals(problem, problem.simulate, off);
-        let change = |part: &mut Parts| {
-            let links = part.links.take()?;
-            let change = self.change_by_links(problem, &links, part.log);
-            if change.is_none() {
-                problem.description.inertial.iter().for_each(|&k| part.rest[k] = links[k]);
-            }
-            change
-        };
-        parts.iter_mut().map(change).collect()
-    }
-
-    fn change_by_links(&mut self, problem: Problem, links: &[f64], log: usize) -> Option<Vec<f64>> {
-        let off = self.kept.get(&Key::off(log))?.as_ref().ok()?;
-        let at = |u: &[f64]| problem.model.inertias(u, log);
-        let known = match self.inertias.entry(log) {
-            Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(none) => none.insert(InertiaResponse::new(at(&vec![0.0; links.len()])?)),
-        };
-        known.change(&at(links)?, || {
-            let residual = (problem.simulate)(&[(links.to_vec(), log)]).pop()?.ok()?;
-            Some(residual.iter().zip(off.iter()).map(|(with, off)| finite(with - off)).collect())
-        })
-    }
-
-    /// Simulates residuals that are not known.
-    fn add_residuals(&mut self, problem: Problem, simulate: &Simulate, keys: Vec<Key>) {
-        let missing = self.missing(keys);
-        let points: Vec<(Vec<f64>, usize)> = missing.iter().map(|key| problem.point(key)).collect();
-        let residuals = simulate(&points);
-        self.kept.extend(missing.into_iter().zip(residuals.into_iter().map(|residual| residual.map(Arc::new))));
-    }
-
-    /// Simulates changes by laws that are not known, those of different channels together.
-    fn add_laws(&mut self, problem: Problem, keys: Vec<Key>) {
-        let missing = self.missing(keys);
-        let bases: Vec<Key> = missing.iter().filter_map(Key::base).collect();
-        self.add_residuals(problem, problem.joint_parts, bases.clone());
-        let mut of_bases: HashMap<&Key, Vec<&Key>> = HashMap::new();
-        missing.iter().zip(&bases).for_each(|(key, base)| of_bases.entry(base).or_default().push(key));
-        let channels = |key: &&Key| problem.laws(key).map_or(&[][..], |laws| laws.channels.as_slice());
-        let together = |keys: &Vec<&Key>| {
-            let groups = shared(keys.iter().map(channels));
-            groups.into_iter().map(|group| group.into_iter().map(|k| keys[k].clone()).collect()).collect::<Vec<_>>()
-        };
-        let probes: Vec<Vec<Key>> = of_bases.values().flat_map(together).collect();
-        let points: Vec<(Vec<f64>, usize)> = probes.iter().map(|keys| problem.together(keys)).collect();
-        for (keys, with) in probes.into_iter().zip((problem.joint_parts)(&points)) {
-            for key in keys {
-                let base = key.base().and_then(|base| self.kept.get(&base).cloned());
-                let change = match (&with, base) {
-                    (Ok(with), Some(Ok(base))) => Ok(Arc::new(problem.change(&key, with, &base))),
-                    (Err(error), _) => Err(error.clone()),
-                    (_, Some(Err(error))) => Err(error),
-                    (Ok(_), None) => continue,
-                };
-                self.kept.insert(key, change);
+    /// What is known of keys, and those that are not known, each once.
+    fn find(&self, keys: impl Iterator<Item = Key>) -> (Found, Vec<Key>) {
+        let (mut found, mut missing, mut seen) = (Found::new(), Vec::new(), HashSet::new());
+        for key in keys {
+            match self.kept.get(&key) {
+                Some(known) => drop(found.insert(key, known.clone())),
+                None if seen.insert(key.clone()) => missing.push(key),
+                None => {}
             }
         }
+        (found, missing)
     }
+}
 
-    /// Those of some keys that are not known, each once.
-    fn missing(&self, keys: Vec<Key>) -> Vec<Key> {
-        let mut seen = HashSet::new();
-        keys.into_iter().filter(|key| !self.kept.contains_key(key) && seen.insert(key.clone())).collect()
+/// The residual of a point from its parts.
+fn sum(problem: Problem, found: &Found, part: &Parts, of_links: Option<&[f64]>) -> Result<Vec<f64>, WorldError> {
+    let unanswered = || WorldError::Setup { what: "the residual model did not answer".to_owned() };
+    let get = |key: &Key| found.get(key).cloned().unwrap_or_else(|| Err(unanswered()));
+    let mut residual = get(&part.rest())?.to_vec();
+    residual.iter_mut().zip(of_links.into_iter().flatten()).for_each(|(r, change)| *r += change);
+    for added in &part.added {
+        let key = part.laws(added);
+        let change = get(&key)?;
+        let rows = problem.rows(&key).into_iter().flatten();
+        rows.zip(change.iter()).for_each(|(row, change)| residual[row] += added.factor * change);
     }
+    Ok(residual)
+}
 
-    fn get(&self, key: &Key) -> Simulated {
-        let unanswered = || WorldError::Setup { what: "the residual model did not answer".to_owned() };
-        self.kept.get(key).cloned().unwrap_or_else(|| Err(unanswered()))
-    }
-
-    fn sum(&self, problem: Problem, part: &Parts, of_links: Option<&[f64]>) -> Result<Vec<f64>, WorldError> {
-        let mut residual = self.get(&part.rest())?.to_vec();
-        residual.iter_mut().zip(of_links.into_iter().flatten()).for_each(|(r, change)| *r += change);
-        for added in &part.added {
-            let key = part.laws(added);
-            let change = self.get(&key)?;
-            let rows = problem.rows(&key).into_iter().flatten();
-            rows.zip(change.iter()).for_each(|(row, change)| residual[row] += added.factor * change);
-        }
-        Ok(residual)
-    }
+/// Whether two points are the same, bit by bit.
+fn is_same(a: &[f64], b: &[f64]) -> bool {
+    a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits()))
 }
 
 impl Problem<'_> {
