@@ -76,7 +76,8 @@ def main() -> None:
     parser.add_argument("--lanes", default="1,2,4,8")
     args = parser.parse_args()
     lanes = [int(one) for one in args.lanes.split(",")]
-    runs = [(name, btr, n, 1 + n % 2) for name, btr in [("release", args.release), ("debug", args.debug)] for n in lanes]
+    programs = [("release", str(Path(args.release).resolve())), ("debug", str(Path(args.debug).resolve()))]
+    runs = [(name, btr, n, 1 + n % 2) for name, btr in programs for n in lanes]
     differing = 0
     for job, arguments, files in JOBS:
         found: dict[str, list[str]] = {}

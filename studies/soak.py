@@ -83,7 +83,7 @@ def soak(what: str, work: Callable[[], int], total: int) -> bool:
     memory, done, began = [], 0, time.monotonic()
     while done < total:
         done += work()
-        if done * SAMPLES >= (len(memory) + 1) * total:
+        while len(memory) < SAMPLES and done * SAMPLES >= (len(memory) + 1) * total:
             memory.append(resident_mb())
     tenths = [float(np.mean(part)) for part in np.array_split(memory, 10)]
     print(f"{done} {what} in {time.monotonic() - began:.0f} s; resident memory in MB, mean of each tenth:")

@@ -5,7 +5,7 @@ use crate::csv;
 use crate::error::{IoError, Warning};
 use btr_core::limits::MOST_STREAMED;
 use btr_core::log::Log;
-use std::io::{self, BufReader, ErrorKind, Read};
+use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
 /// The first bytes of an MCAP file.
@@ -20,17 +20,18 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 pub fn read_stream(name: &Path, stream: impl Read, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
     let mut stream = Bounded { stream, left: MOST_STREAMED };
     let first = first_bytes(&mut stream).map_err(|source| IoError::File { path: name.to_owned(), source })?;
+    let (is_mcap, is_gzip) = (first.starts_with(&MCAP), first.starts_with(&GZIP));
     let whole = first.as_slice().chain(stream);
-    match &first[..] {
-        [begin @ ..] if begin.starts_with(&MCAP) => mcap_of(name, whole, mapping),
-        [begin @ ..] if begin.starts_with(&GZIP) => csv::read(name, flate2::read::MultiGzDecoder::new(whole), mapping),
-        _ => csv::read(name, whole, mapping),
+    match () {
+        () if is_mcap => mcap_of(name, whole, mapping),
+        () if is_gzip => csv::read(name, flate2::read::MultiGzDecoder::new(whole), mapping),
+        () => csv::read(name, whole, mapping),
     }
 }
 
 #[cfg(feature = "mcap")]
 fn mcap_of(name: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
-    crate::mcap::read(name, BufReader::new(bytes), mapping)
+    crate::mcap::read(name, io::BufReader::new(bytes), mapping)
 }
 
 #[cfg(not(feature = "mcap"))]

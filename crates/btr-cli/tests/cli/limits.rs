@@ -36,6 +36,10 @@ fn counts_that_would_fill_the_memory_are_refused() {
     let told = ["controllers.search.population", "controllers.search.tournament", "simulators.refine"]
         .map(|key| complaint(&lab, DRY, &format!("coevolve.{key}=1000000000000")));
     insta::assert_snapshot!("counts", told.join("\n"));
+    for key in ["iterations", "real_tests"] {
+        let told = complaint(&lab, DRY, &format!("coevolve.{key}=1000001"));
+        assert!(told.contains("expected a count of 1000000 or less"), "{told}");
+    }
 }
 
 #[test]
