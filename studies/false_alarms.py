@@ -17,8 +17,9 @@ that the model does not state, so that btr estimates it from the log:
     stamps     the same, and the stamps say so
     mixture    two or three of these at once
 
-The truth is simulated by btr itself with a time step of 0.5 ms, the model has one of 2.5 ms, so that everything in the logs but the noise
-is in the model. The right verdict is `nothing_missing`; what else is said is a false alarm, and worst is a name.
+The truth is simulated by btr itself with a time step of 0.5 ms; the model has one of 2.5 ms. So everything in the logs
+but the noise is in the model. The right verdict is `nothing_missing`; what else is said is a false alarm, and worst is
+a name.
 Seeds below 10000 are for tuning.
 """
 

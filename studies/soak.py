@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does a Python process that works for long grow? A million rollouts and ten thousand diagnoses, its memory beside them.
+"""Does a Python process that works for long grow? Its memory beside a million rollouts and ten thousand diagnoses.
 
     pip install . && python3 studies/soak.py [--rollouts 1000000] [--diagnoses 10000]
 
