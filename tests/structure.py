@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Checks the shape of the source: no import circles, small folders, lines of at most 120 columns, no retired words, no
-commands in the texts of the libraries.
+commands in the texts of the libraries, and a reason for each dependency.
 
     python3 tests/structure.py
 
@@ -108,6 +108,23 @@ def large_folders() -> Iterator[str]:
     for folder, files in sorted(count.items()):
         if files > MOST_FILES:
             yield f"{folder.relative_to(ROOT)}: {files} files, {MOST_FILES} at most"
+
+
+def unexplained_dependencies() -> Iterator[str]:
+    """Dependencies on what comes from others that no line says the reason of, or that are not declared in one place."""
+    reason = ""
+    declared = (ROOT / "Cargo.toml").read_text(encoding="utf-8").split("[workspace.dependencies]")[1].split("\n[")[0]
+    for line in declared.splitlines():
+        name = line.split(" = ")[0]
+        if " = " in line and not line.startswith(("#", "btr-")) and len(reason) < 5:
+            yield f"Cargo.toml: the line before the dependency `{name}` says what it is for"
+        reason = line[1:].strip() if line.startswith("#") else ""
+    for manifest in sorted([*ROOT.glob("crates/*/Cargo.toml"), ROOT / "tests/Cargo.toml"]):
+        for section in re.split(r"^\[", manifest.read_text(encoding="utf-8"), flags=re.M):
+            for line in section.splitlines()[1:] if "dependencies]" in section.split("\n")[0] else []:
+                if line and not line.startswith("#") and "workspace = true" not in line:
+                    place = manifest.relative_to(ROOT)
+                    yield f"{place}: `{line.split(' ')[0]}` belongs into [workspace.dependencies], with what it is for"
 
 
 class Crate:
@@ -284,8 +301,10 @@ def import_circles() -> Iterator[str]:
 
 
 def main() -> int:
-    problems = [*import_circles(), *large_folders(), *words_and_lines(), *commands_in_texts()]
-    print("\n".join(problems) or "no circles, no large folders, no long lines, no retired words, no commands in texts")
+    checks = (import_circles, large_folders, words_and_lines, commands_in_texts, unexplained_dependencies)
+    problems = [problem for check in checks for problem in check()]
+    fine = "no circles, large folders, long lines, retired words, commands in texts or unexplained dependencies"
+    print("\n".join(problems) or fine)
     return 1 if problems else 0
 
 

@@ -102,6 +102,36 @@ def test_a_worker_with_different_results_is_detected(arm: btr.Model) -> None:
         answer(arm, Own(lambda answer: b""))
 
 
+class OtherKind(Own):
+    """Workers of another kind: the last number of each answer has another last bit."""
+
+    def __init__(self, check_one_in: int | None) -> None:
+        super().__init__(lambda answer: answer[:-8] + bytes([answer[-8] ^ 1]) + answer[-7:])
+        self.check_one_in = check_one_in
+
+
+def test_a_worker_of_another_kind_is_detected(arm: btr.Model, tmp_path: Path) -> None:
+    assert answer(arm, OtherKind(None))["verdict"], "the fingerprint does not show it"
+    differs = r"a replay of \S*learn_\S* with .* numbers differ; .* use workers of one kind"
+    with pytest.raises(btr.BtrError, match=differs):
+        answer(arm, OtherKind(1))
+    with pytest.raises(btr.BtrError, match=r"controller \[.* numbers differ"):
+        history(tmp_path, OtherKind(1))
+
+
+def test_workers_that_are_all_wrong_are_detected_by_default(arm: btr.Model) -> None:
+    # One in 100 is checked; a diagnosis has thousands of results.
+    own = Own(lambda answer: answer[:-8] + bytes([answer[-8] ^ 1]) + answer[-7:])
+    with pytest.raises(btr.BtrError, match="gave another result than this machine"):
+        answer(arm, own)
+
+
+@pytest.mark.parametrize("check_one_in", [0, -1, 2.5, True, "all"])
+def test_invalid_shares_of_checked_results_are_refused(check_one_in: object) -> None:
+    with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match="check_one_in="):
+        executors.Futures(pool, check_one_in=check_one_in)
+
+
 def test_a_result_of_another_batch_is_detected(arm: btr.Model, tmp_path: Path) -> None:
     class Late(Own):
         """Returns for every batch the result of the previous one."""

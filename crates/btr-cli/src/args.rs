@@ -42,6 +42,10 @@ impl Args {
     /// Parses the arguments. Errors are clap's, with a tip where clap cannot give one.
     pub(crate) fn of(typed: Vec<OsString>) -> Result<Self, Error> {
         let with_held_out = typed.iter().any(|argument| argument == "--held-out");
+        if typed.iter().filter(|argument| *argument == "-").count() > 1 {
+            let once = "the standard input is read once: only one argument can be `-`";
+            return Err(Args::command().error(ErrorKind::ArgumentConflict, once));
+        }
         Args::try_parse_from(typed).map_err(|mut error| {
             let tip = match error.kind() {
                 ErrorKind::MissingRequiredArgument if with_held_out => {
@@ -194,7 +198,7 @@ pub(crate) struct SimulateArgs {
 pub(crate) struct CheckArgs {
     /// The model or experiment (TOML)
     pub(crate) model: PathBuf,
-    /// Recorded logs (MCAP or CSV)
+    /// Recorded logs (MCAP or CSV); `-` is the standard input
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     #[command(flatten)]
@@ -224,7 +228,7 @@ impl Reading {
 pub(crate) struct CompareArgs {
     /// The model or experiment (TOML)
     pub(crate) model: PathBuf,
-    /// Recorded logs (MCAP or CSV)
+    /// Recorded logs (MCAP or CSV); `-` is the standard input
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     /// Write all plots into one HTML file
@@ -241,7 +245,7 @@ pub(crate) struct CompareArgs {
 pub(crate) struct LogArgs {
     /// The model (TOML)
     pub(crate) model: PathBuf,
-    /// Training logs (MCAP or CSV)
+    /// Training logs (MCAP or CSV); `-` is the standard input
     #[arg(required = true, value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     /// Held-out logs, which are not fitted; put this option after MODEL and LOG: it takes all arguments that follow

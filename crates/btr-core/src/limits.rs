@@ -20,6 +20,9 @@ pub const LONGEST_LINE: usize = 1 << 24;
 /// Bytes of a file that is read as a whole: a model, a URDF, an index of logs.
 pub const LONGEST_TEXT: u64 = 1 << 26;
 
+/// Bytes that are read from the standard input, which may never end: a log of [`MOST_VALUES`] values has about 2 GB.
+pub const MOST_STREAMED: u64 = 1 << 32;
+
 /// Logs of one command.
 pub const MOST_LOGS: usize = 10_000;
 
@@ -29,7 +32,7 @@ pub const MOST_LINKS: usize = 500;
 /// Elements of an XML file inside each other.
 pub const DEEPEST_XML: usize = 100;
 
-/// Counts in an experiment file: a population, the generations of a search.
+/// Counts in an experiment file: iterations, a population, the generations of a search.
 pub const MOST_COUNTED: usize = 1_000_000;
 
 /// Hidden units of a policy.

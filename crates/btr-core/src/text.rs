@@ -61,6 +61,8 @@ pub enum Mention {
     LoadLog,
     /// How not to overwrite a file: "give the output another name".
     OtherName,
+    /// How to read from a pipe: "write ...".
+    Pipe,
 }
 
 /// The verbs that texts mention.
@@ -129,6 +131,7 @@ impl fmt::Display for Mention {
             Mention::ModelUse => f.write_str("run by `btr coevolve` or `btr simulate`"),
             Mention::LoadLog => f.write_str("read it in Python: btr.load_log"),
             Mention::OtherName => f.write_str("give the output another name"),
+            Mention::Pipe => f.write_str("write `-` to read the standard input"),
         }
     }
 }
@@ -170,7 +173,8 @@ impl Mention {
                 Mention::RunAgain => Mention::ModelUse,
                 Mention::ModelUse => Mention::LoadLog,
                 Mention::LoadLog => Mention::OtherName,
-                Mention::OtherName => return None,
+                Mention::OtherName => Mention::Pipe,
+                Mention::Pipe => return None,
             })
         };
         std::iter::successors(Some(Verb::Add.into()), next).collect()

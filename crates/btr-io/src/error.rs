@@ -237,7 +237,8 @@ impl IoError {
     pub fn help(&self) -> Text {
         match self {
             IoError::File { source, .. } => match source.kind() {
-                ErrorKind::IsADirectory | ErrorKind::InvalidInput => "name a regular file".into(),
+                ErrorKind::IsADirectory => "name a regular file".into(),
+                ErrorKind::InvalidInput => Text::from("name a regular file, or ") + Mention::Pipe,
                 ErrorKind::InvalidData | ErrorKind::FileTooLarge => "check that it is a log, and not damaged".into(),
                 _ => "check the path and the permissions".into(),
             },

@@ -39,6 +39,7 @@ mod lerobot;
 mod mcap;
 mod meta;
 mod regular;
+mod stream;
 #[cfg(test)]
 mod tests;
 
@@ -51,7 +52,8 @@ pub use error::{IoError, Warning};
 #[cfg(feature = "mcap")]
 pub use mcap::Recording;
 pub use meta::Meta;
-pub use regular::read_text;
+pub use regular::{read_text, read_text_from};
+pub use stream::read_stream;
 
 use btr_core::log::Log;
 use std::path::Path;
@@ -95,8 +97,10 @@ pub fn read_log(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning>), I
         return Err(IoError::Disabled { path: path.to_owned(), format: "LeRobot data sets", feature: "parquet" });
     }
     let path = &bag::file(path)?;
+    let refused = |source| IoError::File { path: path.to_owned(), source };
+    regular::check_no_stream(path).map_err(refused)?;
     let format = format(path)?;
-    let file = regular::open(path).map_err(|source| IoError::File { path: path.to_owned(), source })?;
+    let file = regular::open(path).map_err(refused)?;
     match format {
         Format::Csv => csv::read(path, file, mapping),
         Format::CsvGz => csv::read(path, flate2::read::MultiGzDecoder::new(file), mapping),

@@ -10,15 +10,24 @@ use std::path::Path;
 /// # Errors
 /// A file that does not exist; a folder, a pipe or a device.
 pub(crate) fn open(path: &Path) -> io::Result<File> {
-    let kind = fs::metadata(path)?;
-    if kind.is_dir() {
+    check_no_stream(path)?;
+    if fs::metadata(path)?.is_dir() {
         return Err(io::Error::new(ErrorKind::IsADirectory, "a folder, where a file is read"));
     }
-    if !kind.is_file() {
-        let what = "a pipe or a device, where a regular file is read; save its data to a file first";
-        return Err(io::Error::new(ErrorKind::InvalidInput, what));
-    }
     File::open(path)
+}
+
+/// Refuses a pipe and a device, whatever its name ends in: that of a shell (`<(...)`) ends in a number.
+///
+/// # Errors
+/// What is there and is neither a file nor a folder.
+pub(crate) fn check_no_stream(path: &Path) -> io::Result<()> {
+    match fs::metadata(path) {
+        Ok(kind) if !kind.is_file() && !kind.is_dir() => {
+            Err(io::Error::new(ErrorKind::InvalidInput, "a pipe or a device, where a regular file is read"))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Reads a text file as a whole.
@@ -26,8 +35,16 @@ pub(crate) fn open(path: &Path) -> io::Result<File> {
 /// # Errors
 /// A file that does not exist, is no regular file, is no UTF-8, or is longer than [`LONGEST_TEXT`].
 pub fn read_text(path: &Path) -> io::Result<String> {
+    read_text_from(open(path)?)
+}
+
+/// Reads a text as a whole, from where it comes.
+///
+/// # Errors
+/// A text that is no UTF-8, or is longer than [`LONGEST_TEXT`].
+pub fn read_text_from(bytes: impl Read) -> io::Result<String> {
     let mut text = String::new();
-    open(path)?.take(LONGEST_TEXT + 1).read_to_string(&mut text)?;
+    bytes.take(LONGEST_TEXT + 1).read_to_string(&mut text)?;
     if text.len() as u64 > LONGEST_TEXT {
         let what = format!("larger than {} MB, the most that is read", LONGEST_TEXT >> 20);
         return Err(io::Error::new(ErrorKind::FileTooLarge, what));

@@ -9,6 +9,7 @@ use btr_lab::distributed::{DistributedError, RemoteModel, RemoteSimulator, RunPa
 use btr_lab::execution::{Cause, ExecutionContext, Executor, Payload};
 use btr_lab::experiment::{LogSource, RealitySource, Source, model};
 use btr_lab::verbs::VerbInput;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -44,6 +45,29 @@ impl Executor for Unreliable {
         let left = self.batches.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1));
         left.map_err(|_| "the worker is gone")?;
         Worker.work(payloads, batch)
+    }
+}
+
+/// A worker of another kind: the last number of each answer has another last bit.
+struct OtherKind {
+    checked_one_in: Option<NonZeroUsize>,
+}
+
+impl Executor for OtherKind {
+    fn workers(&self) -> usize {
+        1
+    }
+
+    fn check_one_in(&self) -> Option<NonZeroUsize> {
+        self.checked_one_in
+    }
+
+    fn work(&self, payloads: &[Arc<Payload>], batch: &[u8]) -> Result<Vec<u8>, Cause> {
+        let mut answer = Worker.work(payloads, batch)?;
+        // A number has eight bytes, the lowest first.
+        let last = answer.len() - 8;
+        answer[last] ^= 1;
+        Ok(answer)
     }
 }
 
@@ -216,5 +240,54 @@ fn a_population_of_an_experiment() -> Tested<()> {
     let outputs = [OutputRequest::Fitness, OutputRequest::Behaviour, OutputRequest::Fitness];
     let (local, remote) = (model.evaluate_all(&jobs, &outputs), remote.evaluate_all(&jobs, &outputs));
     assert!(matches!(local[1], Ok(Output::Behaviour(_))) && local == remote);
+    Ok(())
+}
+
+/// The fingerprint of such a worker agrees; only its results tell.
+#[test]
+fn a_worker_of_another_kind_is_told_and_its_numbers_are_not_used() -> Tested<()> {
+    let source = robots("pendulum.toml")?;
+    let input = VerbInput::new(source.clone(), &[recorded(&source, 0.0, 1)?], &[])?;
+    let origin = vec![0.0; input.problem.description().parameters.len()];
+    let of_log = |log| ResidualRequest { u: &origin, log, moved: &[] };
+    let (usual, all) = (TimeStep::USUAL, NonZeroUsize::new(1));
+    let asked = |checked_one_in, requests: &[ResidualRequest]| -> Tested<_> {
+        let context = Arc::new(ExecutionContext::with_executor(Box::new(OtherKind { checked_one_in })));
+        let results = RemoteModel::new(&input, context.clone())?.residuals(requests, usual);
+        Ok((results, context.take_cause().map(|cause| cause.to_string())))
+    };
+    let (unchecked, cause) = asked(None, &[of_log(0)])?;
+    assert!(cause.is_none() && unchecked != input.problem.residuals(&[of_log(0)], usual), "the plant shows");
+    // Of the first batch, the first result is checked at any rate.
+    for one_in in [all, NonZeroUsize::new(usize::MAX)] {
+        let (results, cause) = asked(one_in, &[of_log(0)])?;
+        let cause = cause.ok_or("nothing was told")?;
+        assert!(cause.contains("a replay of log 1 with the model as it stands: 1 of"), "{cause}");
+        assert!(results.iter().all(|one| matches!(one, Err(WorldError::Cancelled(_)))));
+    }
+    let (_, cause) = asked(all, &[of_log(0), of_log(1)])?;
+    assert!(cause.ok_or("nothing was told")?.contains("with the model as it stands"));
+    Ok(())
+}
+
+#[test]
+fn a_fitness_of_another_kind_of_worker_is_told() -> Tested<()> {
+    let source = robots("pendulum.toml")?;
+    let model = model(&source)?;
+    let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
+    let outputs = |checked_one_in| -> Tested<_> {
+        let context = ExecutionContext::with_executor(Box::new(OtherKind { checked_one_in }));
+        let comparison =
+            TestComparison { distance: &DistanceSpec::Rmse(Rmse::default()), reality: RealitySource::File };
+        let payloads = RunPayloads::default();
+        let remote = RemoteSimulator::new(&model, &source, comparison, &context, &payloads)?;
+        let outputs = remote.evaluate_all(&[Job { s: &s, c: &c, scenario: 0 }], &[OutputRequest::Fitness]);
+        Ok((outputs, context.take_cause().map(|cause| cause.to_string())))
+    };
+    assert!(matches!(outputs(None)?, (results, None) if results[0].is_ok()));
+    let (results, cause) = outputs(NonZeroUsize::new(1))?;
+    let cause = cause.ok_or("nothing was told")?;
+    assert!(cause.contains("the fitness of controller [") && cause.contains("1 of 1 numbers differ"), "{cause}");
+    assert!(matches!(results[..], [Err(WorldError::Cancelled(_))]));
     Ok(())
 }

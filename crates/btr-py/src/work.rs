@@ -5,11 +5,12 @@ use crate::laws;
 use crate::laws::LawGiven;
 use btr_lab::distributed;
 use btr_lab::execution;
-use btr_lab::execution::{Cause, ExecutionContext, Executor};
+use btr_lab::execution::{CHECKED_ONE_IN, Cause, ExecutionContext, Executor};
 use btr_lab::experiment::Source;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::num::NonZeroUsize;
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -38,8 +39,8 @@ pub(crate) fn context(
     Ok(Arc::new(match executor {
         Some(ExecutorChoice::Object(object)) => {
             let workers = object.getattr(py, "workers")?.extract(py)?;
-            let functions = laws::packed(py, functions)?;
-            ExecutionContext::with_executor(Box::new(PythonExecutor { object, workers, functions }))
+            let (functions, check_one_in) = (laws::packed(py, functions)?, check_one_in(object.bind(py))?);
+            ExecutionContext::with_executor(Box::new(PythonExecutor { object, workers, functions, check_one_in }))
         }
         Some(ExecutorChoice::Threads(threads)) if functions.is_empty() => ExecutionContext::local(threads),
         Some(ExecutorChoice::Threads(_)) | None => here(source),
@@ -56,6 +57,15 @@ struct PythonExecutor {
     object: Py<PyAny>,
     workers: usize,
     functions: Vec<u8>,
+    check_one_in: Option<NonZeroUsize>,
+}
+
+/// Which share of an executor's results is computed again; that of btr where the executor does not say.
+fn check_one_in(executor: &Bound<'_, PyAny>) -> PyResult<Option<NonZeroUsize>> {
+    match executor.getattr_opt("check_one_in")? {
+        Some(stated) => stated.extract(),
+        None => Ok(Some(CHECKED_ONE_IN)),
+    }
 }
 
 /// Data sent to each worker once; equal contents have equal keys.
@@ -82,6 +92,10 @@ impl Executor for PythonExecutor {
 
     fn functions(&self) -> &[u8] {
         &self.functions
+    }
+
+    fn check_one_in(&self) -> Option<NonZeroUsize> {
+        self.check_one_in
     }
 
     fn work(&self, payloads: &[Arc<execution::Payload>], batch: &[u8]) -> Result<Vec<u8>, Cause> {

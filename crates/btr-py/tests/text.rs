@@ -28,6 +28,7 @@ fn every_mention_has_its_name_in_python() {
         "for load_model",
         "give what btr.load_log makes of it",
         "give it another name, or write with overwrite=True what may be lost",
+        "save what a pipe gives to a file first",
     ];
     assert_eq!(worded, expected);
 }

@@ -4,7 +4,6 @@ use super::common;
 use crate::args::{CheckArgs, Global};
 use crate::exit::{DONE, MISSED};
 use btr_identify::quality::Severity;
-use btr_lab::experiment;
 use btr_lab::experiment::CheckedLog;
 use btr_lab::failure::Failure;
 use btr_lab::verbs;
@@ -14,7 +13,7 @@ use btr_report::text::word;
 
 pub(crate) fn run(args: &CheckArgs, global: &Global) -> Result<u8, Failure> {
     let source = common::source_of(&args.model, &args.reading, global)?;
-    let replays = experiment::replays_of(&source, &args.logs, &[], args.reading.damaged())?;
+    let replays = common::read(&source, [&args.logs, &[]], &args.reading)?;
     let report = verbs::check(replays);
     common::tell_left_out(&report.left_out, global);
     if global.json {

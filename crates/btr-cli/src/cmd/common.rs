@@ -2,12 +2,13 @@
 
 use crate::args::{Global, Reading};
 use crate::exit::INTERRUPTED;
+use btr_core::log::Log;
 use btr_identify::LadderStep;
 use btr_identify::fit::RemainingError;
-use btr_io::{IoError, write_whole};
+use btr_io::{IoError, Mapping, Warning, write_whole};
 use btr_lab::execution::ExecutionContext;
 use btr_lab::experiment;
-use btr_lab::experiment::{LeftOutLog, Replays, Source};
+use btr_lab::experiment::{LeftOutLog, LogSource, Replays, Source};
 use btr_lab::failure::Failure;
 use btr_lab::verbs;
 use btr_lab::verbs::{Doubt, ErrorUnit, NoiseFloor};
@@ -17,9 +18,28 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// Whether a path stands for the standard input.
+fn is_stdin(path: &Path) -> bool {
+    path == Path::new("-")
+}
+
+/// The log at a path; `-` is the standard input.
+pub(crate) fn log_at(path: &Path) -> LogSource {
+    if is_stdin(path) { LogSource::Stdin } else { LogSource::File(path.to_owned()) }
+}
+
+/// Reads a log as it is, without a model.
+pub(crate) fn read_log(path: &Path) -> Result<(Log, Vec<Warning>), IoError> {
+    let mapping = Mapping::default();
+    match log_at(path) {
+        source @ LogSource::Stdin => btr_io::read_stream(source.path(), std::io::stdin().lock(), &mapping),
+        _ => btr_io::read_log(path, &mapping),
+    }
+}
+
 /// The model's text with the settings of the command line.
 pub(crate) fn source(model: &Path, global: &Global) -> Result<Source, Failure> {
-    let mut source = Source::read(model)?;
+    let mut source = if is_stdin(model) { Source::read_stdin()? } else { Source::read(model)? };
     source.set(&global.settings)?;
     Ok(source)
 }
@@ -33,6 +53,12 @@ pub(crate) fn source_of(model: &Path, reading: &Reading, global: &Global) -> Res
     Ok(source)
 }
 
+/// Reads the logs.
+pub(crate) fn read(source: &Source, logs: [&[PathBuf]; 2], reading: &Reading) -> Result<Replays, Failure> {
+    let [training, held_out] = logs.map(|logs| logs.iter().map(|path| log_at(path)).collect::<Vec<_>>());
+    Ok(experiment::replays_of(source, &training, &held_out, reading.damaged())?)
+}
+
 /// Reads the logs and prints on stderr which were left out, warnings and findings.
 pub(crate) fn replays(
     source: &Source,
@@ -40,7 +66,7 @@ pub(crate) fn replays(
     reading: &Reading,
     global: &Global,
 ) -> Result<(Replays, Vec<Doubt>), Failure> {
-    let replays = experiment::replays_of(source, training, held_out, reading.damaged())?;
+    let replays = read(source, [training, held_out], reading)?;
     let doubts = verbs::doubts(&replays);
     tell_left_out(&replays.left_out, global);
     if !global.quiet {

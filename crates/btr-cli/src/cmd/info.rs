@@ -1,11 +1,11 @@
 //! `btr info`: describes a log, or lists what btr provides.
 
 use crate::args::Global;
+use crate::cmd::common;
 use crate::exit::DONE;
 use btr_core::distance::DISTANCES;
 use btr_core::log::{Channel, Log};
 use btr_core::search::SEARCHES;
-use btr_io::Mapping;
 use btr_lab::failure::Failure;
 use btr_physics::drive::DRIVES;
 use btr_physics::model::task::TERMS;
@@ -21,7 +21,7 @@ pub(crate) fn run(path: Option<&Path>, global: &Global) -> Result<u8, Failure> {
 }
 
 fn about_log(path: &Path, global: &Global) -> Result<u8, Failure> {
-    let (log, warnings) = btr_io::read_log(path, &Mapping::default())?;
+    let (log, warnings) = common::read_log(path)?;
     let warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
     let rate_hz = (log.len().saturating_sub(1)) as f64 / log.duration_s();
     if global.json {

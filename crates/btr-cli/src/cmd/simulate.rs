@@ -17,7 +17,7 @@ pub(crate) fn run(args: &SimulateArgs, global: &Global) -> Result<u8, Failure> {
     let log = OutputKind::Log(overwrite).at(Some(&args.output));
     guard(log, inputs(&source, args.log.iter().chain(&args.drive).cloned()))?;
     let model = match (&args.log, &args.drive) {
-        (Some(log), _) => experiment::model_replaying(&source, log.clone())?,
+        (Some(log), _) => experiment::model_replaying(&source, common::log_at(log))?,
         (None, Some(drive)) => experiment::model_driven_by(&source, &Source::read(drive)?)?,
         (None, None) => experiment::model(&source)?,
     };

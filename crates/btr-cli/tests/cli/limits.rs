@@ -1,6 +1,8 @@
 //! Hostile and mistaken input: nothing aborts, hangs or fills the memory, and the complaint names file, key and limit.
 
-use crate::lab::{Lab, text};
+use crate::lab::{Lab, SMALL, text};
+use std::io::Write;
+use std::process::Stdio;
 
 /// What `btr` says about the small experiment with one setting.
 fn complaint(lab: &Lab, verb: &str, setting: &str) -> String {
@@ -34,6 +36,10 @@ fn counts_that_would_fill_the_memory_are_refused() {
     let told = ["controllers.search.population", "controllers.search.tournament", "simulators.refine"]
         .map(|key| complaint(&lab, DRY, &format!("coevolve.{key}=1000000000000")));
     insta::assert_snapshot!("counts", told.join("\n"));
+    for key in ["iterations", "real_tests"] {
+        let told = complaint(&lab, DRY, &format!("coevolve.{key}=1000001"));
+        assert!(told.contains("expected a count of 1000000 or less"), "{told}");
+    }
 }
 
 #[test]
@@ -127,7 +133,64 @@ fn only_regular_files_are_read() {
         let other = if name == "zero.csv" { "compare small.toml zero.csv" } else { "simulate zero.toml -o new.csv" };
         told.push(lab.complaint(other));
     }
+    // What a shell calls a pipe (`<(...)`) has no ending.
+    #[cfg(unix)]
+    assert!(lab.complaint("compare small.toml /dev/null").contains("or write `-` to read the standard input"));
     insta::assert_snapshot!("no_regular_files", told.join("\n"));
+}
+
+/// Runs `btr` with a text on its standard input: its output, exit code and complaints.
+fn fed(lab: &Lab, arguments: &str, text: &[u8]) -> (String, i32, String) {
+    let mut command = lab.command(arguments);
+    let piped = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = piped.spawn().unwrap();
+    // A program that refuses its input closes it.
+    let _ = child.stdin.take().unwrap().write_all(text);
+    let output = child.wait_with_output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (text(output.stdout), output.status.code().unwrap(), text(output.stderr))
+}
+
+#[test]
+fn a_log_and_a_model_come_from_the_standard_input() {
+    let lab = Lab::new();
+    lab.ok("simulate small.toml -o log.csv");
+    lab.ok("simulate small.toml -o log.mcap");
+    let compare = |model: &str, log: &str| format!("--json compare {model} {log}");
+    let of_files = lab.ok(&compare("small.toml", "log.csv"));
+    let expected = of_files.replace(r#""log":"log""#, r#""log":"<stdin>""#);
+    for log in ["log.csv", "log.mcap"] {
+        let (told, code, _) = fed(&lab, &compare("small.toml", "-"), &std::fs::read(lab.path(log)).unwrap());
+        assert_eq!((told, code), (expected.clone(), 0), "{log}");
+    }
+    let (told, code, _) = fed(&lab, &compare("-", "log.csv"), SMALL.as_bytes());
+    assert_eq!((told, code), (of_files, 0));
+    for verb in ["check small.toml -", "fit small.toml - -o fitted.toml", "info -", "convert - copy.csv"] {
+        let (_, code, why) = fed(&lab, verb, lab.read("log.csv").as_bytes());
+        assert_eq!(code, 0, "{verb}: {why}");
+    }
+    assert_eq!(lab.read("copy.csv"), lab.read("log.csv"));
+}
+
+#[test]
+fn what_the_standard_input_cannot_give_is_told() {
+    let lab = Lab::new();
+    lab.ok("simulate small.toml -o log.csv");
+    let told = |arguments: &str, text: &[u8]| {
+        let (_, code, why) = fed(&lab, arguments, text);
+        assert_eq!(code, 2, "{arguments}: {why}");
+        why
+    };
+    let mut all = vec![
+        told("compare - -", SMALL.as_bytes()),
+        told("compare small.toml -", b""),
+        told("compare small.toml -", b"t,q_hinge\n0,x\n"),
+        told("compare small.toml -", &vec![b'1'; (1 << 24) + 100]),
+        told("compare - log.csv", b"name = 3\n"),
+        told("simulate - -o new.csv", &vec![b' '; (1 << 26) + 1]),
+    ];
+    all.push(told("compare small.toml -", b"\x89MCAP0\r\n"));
+    insta::assert_snapshot!("standard_input", all.join("\n"));
 }
 
 #[test]

@@ -188,9 +188,10 @@ pub struct Plan {
     #[serde(default)]
     pub method: Method,
     /// Iterations of steps 1 to 3.
+    #[serde(deserialize_with = "settings::count")]
     pub iterations: usize,
     /// Budget of real tests.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "settings::maybe_count")]
     pub real_tests: Option<usize>,
     /// phi: what the simulator search minimises.
     pub distance: DistanceSpec,

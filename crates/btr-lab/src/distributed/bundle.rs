@@ -6,7 +6,7 @@ use crate::model_text::each_named_file;
 use btr_physics::effects::Laws;
 use serde::{Deserialize, Serialize};
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use toml_edit::DocumentMut;
 
 /// A model file's text with its files; in the text they have their names in the bundle.
@@ -84,6 +84,10 @@ impl Bundle {
     }
 
     fn write_files(&self, folder: &Path) -> std::io::Result<()> {
+        if let Some((name, _)) = self.files.iter().find(|(name, _)| !stays_inside(Path::new(name))) {
+            let what = format!("a bundle names `{}`, which is outside of its folder", name.escape_debug());
+            return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, what));
+        }
         std::fs::create_dir(folder)?;
         for (name, bytes) in &self.files {
             let path = folder.join(name);
@@ -91,5 +95,34 @@ impl Bundle {
             std::fs::write(path, bytes)?;
         }
         Ok(())
+    }
+}
+
+/// Whether a relative name leads to a file in the folder to which it is relative: a payload comes from another machine.
+fn stays_inside(name: &Path) -> bool {
+    name.file_name().is_some() && name.components().all(|part| matches!(part, Component::Normal(_)))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn a_bundle_writes_into_its_own_folder_alone() {
+        let outside = tempfile::tempdir().unwrap();
+        let victim = outside.path().join("victim");
+        let up = format!("../{}/victim", outside.path().file_name().unwrap().to_str().unwrap());
+        for name in [victim.to_str().unwrap(), &up, "0/../../x", "", "."] {
+            let files = vec![(name.to_owned(), b"overwritten".to_vec())];
+            let bundle = Bundle { name: "model.toml".into(), text: String::new(), files, functions: Vec::new() };
+            let opened = bundle.unpacked(&|_| Ok(Laws::default()), |_| Ok(()));
+            assert!(opened.unwrap_err().to_string().contains("outside of its folder"), "{name}");
+        }
+        assert!(!victim.exists());
+        let files = vec![("0/arm.urdf".to_owned(), b"robot".to_vec())];
+        let bundle = Bundle { name: "model.toml".into(), text: String::new(), files, functions: Vec::new() };
+        let read = |source: Source| Ok(std::fs::read(source.folder().join("0/arm.urdf")).unwrap());
+        assert_eq!(bundle.unpacked(&|_| Ok(Laws::default()), read).unwrap(), b"robot");
     }
 }

@@ -1,9 +1,9 @@
 //! A residual model whose residuals are computed by workers, or in this process, until the work is cancelled.
 
 use super::bundle::{Bundle, RecordedLogs};
-use super::error::DistributedError;
+use super::error::{DistributedError, SimulationError};
 use super::messages::{Batch, PayloadContent, ResidualMessage, RolloutMessage, Rollouts, Sparse, encode};
-use crate::execution::{BATCH_SIZE, ExecutionContext, Payload, fingerprint_of};
+use crate::execution::{BATCH_SIZE, ExecutionContext, Expected, Numbers, Payload, fingerprint_of};
 use crate::experiment::ReadLog;
 use crate::identification::VerbInput;
 use btr_core::log::Log;
@@ -63,10 +63,34 @@ impl RemoteModel {
             |one: &ResidualRequest| RolloutMessage { u: Sparse::of(one.u), log: one.log, moved: Sparse::of(one.moved) };
         let (requests, halvings) = (rollouts.iter().map(asked).collect(), step.halvings());
         let batch = Batch::Rollouts(Rollouts { derived: self.derived.clone(), halvings, requests });
-        let fingerprint = || *self.fingerprint.get_or_init(|| fingerprint(self.base.as_ref()));
-        let residuals: Option<Vec<ResidualMessage>> =
-            self.context.dispatch(std::slice::from_ref(payload), &batch, rollouts.len(), fingerprint)?;
+        let again = |k: usize| {
+            let residuals = self.local.residuals(&rollouts[k..=k], step).pop();
+            residuals.unwrap_or_else(|| Ok(Vec::new())).map_err(SimulationError::from)
+        };
+        let expected = Expected {
+            count: rollouts.len(),
+            fingerprint: &|| *self.fingerprint.get_or_init(|| fingerprint(self.base.as_ref())),
+            again: &again,
+            task: &|k| self.task(&rollouts[k]),
+        };
+        let residuals = self.context.dispatch(std::slice::from_ref(payload), &batch, &expected)?;
         Ok(residuals.map(|residuals| residuals.into_iter().map(|r| r.map_err(WorldError::from)).collect()))
+    }
+
+    /// Names a rollout: its log, and the parameters that differ from the model.
+    fn task(&self, rollout: &ResidualRequest) -> String {
+        let description = self.local.description();
+        let log = description.logs.get(rollout.log).map_or("?", |log| log.name.as_str());
+        let moved = description.parameters.iter().zip(rollout.u).filter(|(_, u)| **u != 0.0);
+        let names: Vec<&str> = moved.map(|(parameter, _)| parameter.name.as_str()).collect();
+        let moved = if names.is_empty() { "the model as it stands".to_owned() } else { names.join(", ") + " changed" };
+        format!("a replay of {log} with {moved}")
+    }
+}
+
+impl Numbers for ResidualMessage {
+    fn numbers(&self) -> Vec<f64> {
+        self.as_ref().cloned().unwrap_or_default()
     }
 }
 

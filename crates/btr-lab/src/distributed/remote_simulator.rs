@@ -1,9 +1,9 @@
 //! The simulations of a run, done by workers or in this process, until the run is cancelled.
 
 use super::bundle::{Bundle, RecordedLogs};
-use super::error::DistributedError;
+use super::error::{DistributedError, SimulationError};
 use super::messages::{Batch, Candidate, CandidateResult, OutputOrder, PayloadContent, encode};
-use crate::execution::{BATCH_SIZE, ExecutionContext, Executor, Payload, fingerprint_of};
+use crate::execution::{BATCH_SIZE, ExecutionContext, Executor, Expected, Numbers, Payload, fingerprint_of};
 use crate::experiment::{RealitySource, Source};
 use btr_core::distance::DistanceSpec;
 use btr_core::space::Space;
@@ -107,6 +107,33 @@ pub(super) fn fingerprint(model: &Model) -> u64 {
     fingerprint_of(log.channels().map(|(_, channel)| channel.values.as_slice()).chain([s.as_slice()]))
 }
 
+/// Names a simulation: what is asked of it, and where it stands in S and C.
+fn task(job: &Job, request: &OutputRequest) -> String {
+    let asked = match request {
+        OutputRequest::Behaviour => "the behaviour".to_owned(),
+        OutputRequest::Fitness => "the fitness".to_owned(),
+        OutputRequest::Distance(against) => format!("the distance to real test {}", against.test),
+    };
+    format!("{asked} of controller {:?} in simulation {:?}, scenario {}", job.c, job.s, job.scenario)
+}
+
+impl Numbers for CandidateResult {
+    fn numbers(&self) -> Vec<f64> {
+        match self {
+            Ok(Output::Behaviour(behaviour)) => {
+                let channels = behaviour.log.channels().flat_map(|(_, channel)| channel.values.iter().copied());
+                channels.chain([behaviour.fitness]).collect()
+            }
+            Ok(Output::Fitness(fitness)) => vec![*fitness],
+            Ok(Output::Distance(compared)) => {
+                let residuals = compared.residuals.iter().flatten().flatten().copied();
+                [compared.distance].into_iter().chain(residuals).collect()
+            }
+            Err(_) => Vec::new(),
+        }
+    }
+}
+
 impl RemoteSimulator<'_> {
     /// Workers' outputs for some jobs; `None` without workers.
     fn dispatch(
@@ -140,8 +167,17 @@ impl RemoteSimulator<'_> {
         };
         let candidates: Option<Vec<Candidate>> = jobs.iter().zip(requests).map(candidate).collect();
         let Some(candidates) = candidates else { return Ok(None) };
-        let outputs: Option<Vec<CandidateResult>> =
-            self.context.dispatch(&payloads, &Batch::Population(candidates), jobs.len(), || *fingerprint)?;
+        let again = |k: usize| {
+            let output = self.local.evaluate_all(&jobs[k..=k], &requests[k..=k]).pop();
+            output.unwrap_or(Err(Cancelled.into())).map_err(SimulationError::from)
+        };
+        let expected = Expected {
+            count: jobs.len(),
+            fingerprint: &|| *fingerprint,
+            again: &again,
+            task: &|k| task(&jobs[k], &requests[k]),
+        };
+        let outputs = self.context.dispatch(&payloads, &Batch::Population(candidates), &expected)?;
         Ok(outputs.map(|outputs| outputs.into_iter().map(|output| output.map_err(WorldError::from)).collect()))
     }
 }

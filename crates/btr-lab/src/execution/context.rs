@@ -3,8 +3,9 @@
 //! Cancellation is a value. Rollouts that have not begun end with
 //! [`WorldError::Cancelled`](btr_core::world::WorldError), and the caller of the work takes the cause from the context.
 
-use super::exchange::{Answer, ExchangeError};
+use super::exchange::{Answer, ExchangeError, hash_of};
 use super::executor::{Cause, Executor, Payload};
+use super::spot_check::{Expected, Numbers, chosen, difference};
 use btr_core::world::Cancelled;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -16,6 +17,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub struct ExecutionContext {
     threads: Option<usize>,
     executor: Option<Box<dyn Executor>>,
+    /// Whether a result of a worker was computed again.
+    checked: AtomicBool,
     cancelled: AtomicBool,
     interrupted: AtomicBool,
     robot: Mutex<()>,
@@ -104,17 +107,16 @@ impl ExecutionContext {
         Ok(pool.map_err(|source| ThreadError { threads, source })?.install(work))
     }
 
-    /// A worker's `count` results for a batch, checked against the fingerprint; `None` without an executor.
+    /// A worker's results for a batch, checked against what is expected of them; `None` without an executor.
     ///
     /// # Errors
     /// Cancelled work. A failure of the executor or the worker cancels it, with the executor's own cause or with an
     /// [`ExchangeError`].
-    pub(crate) fn dispatch<T: DeserializeOwned>(
+    pub(crate) fn dispatch<T: DeserializeOwned + Serialize + Numbers>(
         &self,
         payloads: &[Arc<Payload>],
         batch: &impl Serialize,
-        count: usize,
-        fingerprint: impl FnOnce() -> u64,
+        expected: &Expected<T>,
     ) -> Result<Option<Vec<T>>, Cancelled> {
         self.check_cancelled()?;
         let Some(executor) = &self.executor else { return Ok(None) };
@@ -122,7 +124,9 @@ impl ExecutionContext {
         let exchange = || {
             let batch = postcard::to_allocvec(batch).map_err(|e| as_cause(e.into()))?;
             let answer = executor.work(payloads, &batch)?;
-            Answer::read(&answer, fingerprint(), &batch, count).map_err(as_cause)
+            let results = Answer::read(&answer, (expected.fingerprint)(), &batch, expected.count).map_err(as_cause)?;
+            self.check_some(executor.as_ref(), hash_of(&batch), expected, &results).map_err(as_cause)?;
+            Ok(results)
         };
         let results = exchange().map_err(|cause| {
             self.fail(cause);
@@ -130,5 +134,26 @@ impl ExecutionContext {
         })?;
         self.check_cancelled()?;
         Ok(Some(results))
+    }
+
+    /// Computes a few results of a batch again; of the first batch, at least one.
+    fn check_some<T: Serialize + Numbers>(
+        &self,
+        executor: &dyn Executor,
+        batch: u64,
+        expected: &Expected<T>,
+        results: &[T],
+    ) -> Result<(), ExchangeError> {
+        let Some(one_in) = executor.check_one_in() else { return Ok(()) };
+        let batch = if self.checked.swap(true, Ordering::Relaxed) { batch } else { 0 };
+        for k in chosen(batch, results.len(), one_in) {
+            let ours = (expected.again)(k);
+            // What was computed while a law's function failed says nothing.
+            let differs = if self.is_cancelled() { None } else { difference(&results[k], &ours) };
+            if let Some(difference) = differs {
+                return Err(ExchangeError::Different { task: (expected.task)(k), difference });
+            }
+        }
+        Ok(())
     }
 }

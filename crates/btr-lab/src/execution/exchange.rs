@@ -34,6 +34,17 @@ pub enum ExchangeError {
     /// The answer belongs to another batch.
     #[error("a worker's answer belongs to another batch")]
     OtherBatch,
+    /// A result that was computed again in this process is another one.
+    #[error(
+        "a worker gave another result than this machine for {task}: {difference}. It may have another kind of processor, \
+        another build of btr, or faulty memory: use workers of one kind with the same btr, and begin this work again"
+    )]
+    Different {
+        /// Which simulation the result is of.
+        task: String,
+        /// What differs.
+        difference: String,
+    },
 }
 
 impl<T: DeserializeOwned> Answer<T> {

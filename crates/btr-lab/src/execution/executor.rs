@@ -1,6 +1,8 @@
 //! The executor: whatever hands out batches to threads, processes or machines.
 
+use super::spot_check::CHECKED_ONE_IN;
 use std::error::Error;
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 /// Why work was cancelled, where it was not on request: the error of an executor, a listener or a law's function.
@@ -23,6 +25,10 @@ pub trait Executor: Send + Sync {
     /// without any.
     fn functions(&self) -> &[u8] {
         &[]
+    }
+    /// One in so many results is computed again in this process and compared with the worker's; `None` checks none.
+    fn check_one_in(&self) -> Option<NonZeroUsize> {
+        Some(CHECKED_ONE_IN)
     }
     /// Has [`serve`](crate::distributed::serve) called by a worker, and waits for the answer. Called from as many
     /// threads at once as there are workers.

@@ -6,7 +6,11 @@ use super::stated::Misstated;
 use crate::suggest::nearest;
 use btr_core::text::{Mention, Text};
 use btr_physics::effects::Laws;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+
+/// What the standard input is called in messages.
+pub(super) const STDIN: &str = "<stdin>";
 
 /// What is wrong with a model or experiment file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -41,6 +45,11 @@ fn place(path: &Path, line: usize, column: usize) -> String {
     }
 }
 
+fn unreadable(path: &Path, message: String) -> FileError {
+    let help = Some("give the path of a model or experiment file (TOML); robots/ has examples".into());
+    FileError { path: path.to_owned(), line: 0, column: 0, message: message.into(), help }
+}
+
 /// Text with the name of its file, for error messages.
 #[derive(Clone, Debug)]
 pub struct Source {
@@ -63,17 +72,26 @@ impl Source {
     /// # Errors
     /// A file that does not exist or is not text.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let refused = |message: String| FileError {
-            path: path.to_owned(),
-            line: 0,
-            column: 0,
-            message: message.into(),
-            help: Some("give the path of a model or experiment file (TOML); robots/ has examples".into()),
-        };
+        let refused = |message: String| unreadable(path, message);
         if path.is_file() && path.extension().is_some_and(|ending| ending != "toml") {
             return Err(refused("not a TOML file".to_owned()));
         }
-        let text = btr_io::read_text(path).map_err(|e| refused(e.to_string()))?;
+        let text = btr_io::read_text(path).map_err(|e| {
+            let help =
+                (e.kind() == ErrorKind::InvalidInput).then(|| Text::from("name a regular file, or ") + Mention::Pipe);
+            let error = refused(e.to_string());
+            FileError { help: help.or(error.help.clone()), ..error }
+        })?;
+        Ok(Source::new(path, text))
+    }
+
+    /// Reads the standard input. Paths in it are relative to the working folder.
+    ///
+    /// # Errors
+    /// A text that is too long or no text.
+    pub fn read_stdin() -> Result<Self, FileError> {
+        let path = Path::new(STDIN);
+        let text = btr_io::read_text_from(std::io::stdin().lock()).map_err(|e| unreadable(path, e.to_string()))?;
         Ok(Source::new(path, text))
     }
 

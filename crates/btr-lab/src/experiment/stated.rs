@@ -99,7 +99,9 @@ fn check_all(table: &[&str], numbers: &[(&str, Option<f64>, Allowed)]) -> Result
     for (key, value, allowed) in numbers {
         if let Some(x) = value.filter(|x| !allowed.holds(*x)) {
             let keys = table.iter().chain([key]).map(|key| (*key).to_owned()).collect();
-            return Err(Misstated { keys, message: format!("{key} = {x} must be {}", allowed.words()), help: None });
+            let message = format!("{key} = {x} must be {}", allowed.words());
+            let help = "correct the number, whose unit is in the key's name, or leave the key out for its default";
+            return Err(Misstated { keys, message, help: Some(help.to_owned()) });
         }
     }
     Ok(())

@@ -3,8 +3,10 @@
 `executor=` of `coevolve`, `diagnose` and `fit` is `None` (all threads of this machine), a number of threads, `"ray"`,
 an object with `submit` as in `concurrent.futures` (a `ProcessPoolExecutor`, a Dask `Client`), or one of the classes
 here. Results are bit-identical for all executors: workers draw no random numbers, and each returns a fingerprint that
-proves that it computes the same as this process. Laws that are functions (`Model.add_law`) are sent as well, by name if
-they can be imported, else with cloudpickle.
+proves that it computes the same as this process at the model's current values. One result in 100 (`check_one_in`) is
+computed again in this process and compared with the worker's bit by bit; a difference ends the work with an error.
+So workers are of one kind: another family of processors may give other last bits. Laws that are functions
+(`Model.add_law`) are sent as well, by name if they can be imported, else with cloudpickle.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ __all__ = ["ExecutorLike", "Futures", "Executor", "Ray", "executor_of", "serve"]
 
 _MOST_THREADS = 10_000
 _MOST_SHARED = 512
+_CHECK_ONE_IN = 100
 
 # A fork has none of its parent's threads; it starts its own.
 if hasattr(os, "register_at_fork"):
@@ -36,7 +39,11 @@ def serve(keys: Sequence[int], batch: bytes, *contents: bytes) -> bytes:
 
 @runtime_checkable
 class Executor(Protocol):
-    """Sends batches to workers, at most `workers` at once."""
+    """Sends batches to workers, at most `workers` at once.
+
+    An attribute `check_one_in` says which share of the results this process computes again: one in so many, 100 where
+    there is no such attribute; `None` checks none.
+    """
 
     @property
     def workers(self) -> int:
@@ -53,14 +60,18 @@ class Futures:
     Payloads (model and logs) are sent with every batch, except with Dask, which gets them once (`scatter`).
     """
 
-    def __init__(self, executor: Any, workers: int | None = None) -> None:
-        """`workers` is the number of batches computed at once. Raises `TypeError` if it is not given and the executor
-        does not state it."""
+    def __init__(
+        self, executor: Any, workers: int | None = None, *, check_one_in: int | None = _CHECK_ONE_IN
+    ) -> None:
+        """`workers` is the number of batches computed at once. This process computes one result in `check_one_in`
+        again, none if that is `None`. Raises `TypeError` if `workers` is not given and the executor does not state
+        it."""
         if not callable(getattr(executor, "submit", None)):
             kind = type(executor).__name__
             raise TypeError(f"an executor has a method submit, as those of concurrent.futures do; {kind} has none")
         self._executor = executor
         self._workers = must_be_some(_workers_of(executor) if workers is None else workers)
+        self.check_one_in = share(check_one_in)
         self._shared = _Shared(self._scatter if callable(getattr(executor, "scatter", None)) else None)
 
     @property
@@ -86,6 +97,16 @@ def must_be_some(workers: Any, what: str = "workers") -> int:
     return int(workers)
 
 
+def share(check_one_in: Any) -> int | None:
+    """One in how many results is checked. Raises `ValueError` for what is no whole number above 0, nor `None`."""
+    if check_one_in is None:
+        return None
+    whole = isinstance(check_one_in, numbers.Integral) and not isinstance(check_one_in, bool)
+    if not whole or not 1 <= int(check_one_in) < 2**63:
+        raise ValueError(f"check_one_in={check_one_in!r}: a whole number above 0, or None to check nothing")
+    return int(check_one_in)
+
+
 def _workers_of(executor: Any) -> int:
     known = getattr(executor, "_max_workers", None)
     if known is None and callable(getattr(executor, "ncores", None)):
@@ -103,10 +124,19 @@ class Ray:
     answer. A worker takes one processor.
     """
 
-    def __init__(self, workers: int | None = None, *, retries: int = 10, **init: Any) -> None:
+    def __init__(
+        self,
+        workers: int | None = None,
+        *,
+        retries: int = 10,
+        check_one_in: int | None = _CHECK_ONE_IN,
+        **init: Any,
+    ) -> None:
         """Uses the cluster that Ray is connected to, or else connects with `ray.init(**init)`. `workers` is the number
-        of batches computed at once, by default the number of the cluster's processors."""
+        of batches computed at once, by default the number of the cluster's processors. This process computes one
+        result in `check_one_in` again, none if that is `None`."""
         given = None if workers is None else must_be_some(workers)
+        self.check_one_in = share(check_one_in)
         ray = needed("ray", "ray")
         if not ray.is_initialized():
             ray.init(**{"log_to_driver": False, **init})

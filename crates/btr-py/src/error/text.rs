@@ -23,6 +23,7 @@ fn named(mention: &Mention) -> String {
         Mention::RunAgain => "go on with resume=True",
         Mention::ModelUse => "for load_model",
         Mention::LoadLog => "give what btr.load_log makes of it",
+        Mention::Pipe => "save what a pipe gives to a file first",
         Mention::OtherName => "give it another name, or write with overwrite=True what may be lost",
     }
     .to_owned()

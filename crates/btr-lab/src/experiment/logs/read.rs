@@ -20,6 +20,10 @@ pub(crate) fn read(source: &LogSource, file: &File, robot: &Robot) -> Result<Rea
     let (mut log, warnings) = match source {
         LogSource::Read(known) => return Ok(known.clone()),
         LogSource::File(path) => btr_io::read_recorded(path, &file.channels).map_err(|e| unreadable(&e))?,
+        LogSource::Stdin => {
+            let read = btr_io::read_stream(source.path(), std::io::stdin().lock(), &file.channels);
+            read.map(|(log, warnings)| (log.from_zero(), warnings)).map_err(|e| unreadable(&e))?
+        }
         LogSource::InMemory { name, log } => {
             let renamed = btr_io::renamed(name, log.clone(), &file.channels).map_err(|e| unreadable(&e))?;
             (renamed.0.from_zero(), renamed.1)

@@ -1,5 +1,6 @@
 //! Sources of logs.
 
+use crate::experiment::source::STDIN;
 use btr_core::log::Log;
 use btr_identify::quality::GlitchReport;
 use indexmap::IndexMap;
@@ -10,6 +11,8 @@ use std::path::{Path, PathBuf};
 pub enum LogSource {
     /// A file.
     File(PathBuf),
+    /// The standard input.
+    Stdin,
     /// A log in memory in btr's units, with a name for reports; the model's `[channels]` map its foreign names.
     InMemory {
         /// Its unique name.
@@ -25,6 +28,7 @@ impl LogSource {
     /// The file's path, or the log's name.
     pub fn path(&self) -> &Path {
         match self {
+            LogSource::Stdin => Path::new(STDIN),
             LogSource::File(path) | LogSource::InMemory { name: path, .. } | LogSource::Read(ReadLog { path, .. }) => {
                 path
             }
