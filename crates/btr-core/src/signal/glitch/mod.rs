@@ -210,6 +210,8 @@ mod tests {
             let mut values = torque(seed, if seed % 2 == 0 { 0.0 } else { 0.5 });
             let limit = if seed % 3 == 0 { 0.0 } else { values[250] };
             values[250..350].fill(limit);
+            // It was off before.
+            values[0] = 0.0;
             assert_eq!(torque_glitches(&clock(600), &values), [], "{seed}");
         }
     }
@@ -227,6 +229,19 @@ mod tests {
             let [spike, zero] = [GlitchKind::Spike, GlitchKind::Zero];
             assert_eq!(kinds, [(100..101, spike), (203..204, spike), (near..near + 2, zero)], "{seed}");
         }
+    }
+
+    #[test]
+    fn a_reading_that_is_late_by_half_a_step_is_a_glitch_in_a_fast_motion_and_not_at_its_onset() {
+        let at = |t: f64| 0.8 * (3.0 * t).sin();
+        let mut moving: Vec<f64> = clock(600).iter().map(|t| at(*t)).collect();
+        let mut begins: Vec<f64> = clock(600).iter().map(|t| at((t - 2.0).max(0.0))).collect();
+        let between = |values: &mut [f64], i: usize| values[i] = 0.2 * values[i - 1] + 0.8 * values[i + 1] - 1e-4;
+        between(&mut moving, 203);
+        between(&mut begins, 201);
+        let found = glitches(&clock(600), &moving);
+        assert_eq!(found.iter().map(|glitch| glitch.samples.clone()).collect::<Vec<_>>(), [203..204]);
+        assert_eq!(glitches(&clock(600), &begins), []);
     }
 
     /// Two samples that a stuck sensor or a zero has spoilt, in a fast motion at 25 Hz beside a model of it.

@@ -26,6 +26,8 @@ const FOREIGN_ZERO_SIGMAS: f64 = 3.0;
 const CAUGHT_UP: f64 = 0.7;
 /// Least step before a sensor was stuck, in the usual ones of what it missed: less is the onset of a motion.
 const MOVED: f64 = 0.2;
+/// Speeds before and after a reading that a motion goes on with, in speeds across it.
+const AS_FAST: (f64, f64) = (0.6, 1.5);
 /// Relative tolerance of a full turn.
 const TURN: f64 = 0.02;
 /// Readings to each side of a run by which it is judged.
@@ -135,13 +137,14 @@ impl Series {
         let before = good[good.len().saturating_sub(SIDE)..].to_vec();
         let after: Vec<usize> = (run.end..self.x.len()).take(SIDE).collect();
         if before.len() < SIDE || after.len() < SIDE {
-            return self.at_an_end(run, &before);
+            // A torque jumps where a motor is switched on.
+            return if self.torque.is_some() { None } else { self.at_an_end(run, &before) };
         }
         let inner = [before[1], before[2], after[0], after[1]];
         let sigmas = self.sigmas(&run);
         // Most runs end here.
         let least = self.least(&run, &inner);
-        if least <= sigmas * self.sigma || self.may_be_motion(&run, before[2], after[0]) || self.may_jump(&run, least) {
+        if least <= sigmas * self.sigma || self.may_be_motion(&run, &before, &after) || self.may_jump(&run, least) {
             return None;
         }
         let all: Vec<usize> = before.iter().chain(&after).copied().collect();
@@ -232,11 +235,19 @@ impl Series {
     }
 
     /// Whether a run may be the onset of a motion, or a fast one: all its readings are between those around it. Zeros
-    /// are not, nor are readings of a sensor that gets stuck in a motion.
-    fn may_be_motion(&self, run: &Range<usize>, before: usize, after: usize) -> bool {
-        let (a, b) = (self.readings[before], self.readings[after]);
+    /// are not, nor are readings of a sensor that gets stuck in a motion, nor a single one in a motion that goes on.
+    fn may_be_motion(&self, run: &Range<usize>, before: &[usize], after: &[usize]) -> bool {
+        let (a, b) = (self.readings[before[SIDE - 1]], self.readings[after[0]]);
         let is_between = self.readings[run.clone()].iter().all(|x| (a.min(b)..=a.max(b)).contains(x));
-        is_between && !self.is_zero(run) && !self.gets_stuck(run)
+        is_between && !self.is_zero(run) && !self.gets_stuck(run) && !(run.len() == 1 && self.goes_on(before, after))
+    }
+
+    /// Whether the readings move as fast before a run and after it as across it.
+    fn goes_on(&self, before: &[usize], after: &[usize]) -> bool {
+        let speed = |a: usize, b: usize| (self.readings[b] - self.readings[a]) / (self.t[b] - self.t[a]);
+        let across = speed(before[SIDE - 1], after[0]);
+        let around = [speed(before[SIDE - 2], before[SIDE - 1]), speed(after[0], after[1])];
+        around.iter().all(|speed| (AS_FAST.0..AS_FAST.1).contains(&(speed / across)))
     }
 
     /// Whether a run that departs by this much may be a torque that jumps.
