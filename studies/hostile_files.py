@@ -47,6 +47,8 @@ TOKENS = (
     "]]> <![CDATA[ <!-- &amp; &#0; <a> </a> [ ] [[ ]] { } "
     "(((((((( [[[[[[[[ {joint} q dq t atan2( ^ /0 \x00 \ufeff \x1b[31m ä"
 ).split(" ")
+# A file of the journey, or one that a changed file names.
+NAMED = re.compile(r"(model|robot|log|index|out)\.\w+|^error: .+: .+\(os error \d+\)", re.M)
 WORD = re.compile(rb"[\w.+@-]+")
 MOST_BYTES = 4 << 30
 LONGEST_S = 10.0
@@ -111,8 +113,7 @@ def judged(verb: tuple[str, ...], btr: Path, folder: Path) -> tuple[str, str]:
         return "panic", said[-300:]
     if run.returncode < 0 or run.returncode not in (0, 1, 2):
         return "signal", f"exit code {run.returncode}: {said[-300:]}"
-    names = [*NAMES, "log.mcap", "out."]
-    if run.returncode == 2 and not any(name in said for name in names):
+    if run.returncode == 2 and not NAMED.search(said):
         return "names no file", said[-300:]
     return f"exit code {run.returncode}", ""
 
