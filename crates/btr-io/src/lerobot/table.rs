@@ -15,8 +15,8 @@ use std::path::{Path, PathBuf};
 /// The column with the episode of a frame.
 const EPISODE: &str = "episode_index";
 
-/// The named columns of an episode in a file, see [`FrameTable::episode`]. At some damage, the reader of Parquet panics:
-/// to metadata with negative places, indices without their dictionary, bits that are not there.
+/// The named columns of an episode in a file, see [`FrameTable::episode`]. At some damage, the reader panics:
+/// metadata with negative places, indices without their dictionary, numbers of too many bits.
 ///
 /// # Errors
 /// See [`FrameTable`]; a damaged file.
