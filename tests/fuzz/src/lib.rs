@@ -36,23 +36,23 @@ pub struct Target {
     pub name: &'static str,
     /// Reads an input, and uses what it says; whether it could be read.
     pub run: fn(&[u8]) -> bool,
-    /// How many mutated inputs `cargo test` tries: about a second of them.
+    /// How many mutated inputs `cargo test` tries: less than a second of them.
     pub few: u64,
 }
 
 /// All targets.
 pub const TARGETS: &[Target] = &[
-    Target { name: "csv", run: targets::logs::csv, few: 300 },
-    Target { name: "mcap", run: targets::logs::mcap, few: 300 },
-    Target { name: "cdr", run: targets::logs::cdr, few: 1000 },
-    Target { name: "lerobot", run: targets::logs::lerobot, few: 300 },
-    Target { name: "model", run: targets::models::model, few: 300 },
-    Target { name: "urdf", run: targets::models::urdf, few: 300 },
-    Target { name: "formula", run: targets::models::formula, few: 1000 },
-    Target { name: "checkpoint", run: targets::runs::checkpoint, few: 300 },
-    Target { name: "real_test", run: targets::runs::real_test, few: 300 },
-    Target { name: "worker", run: targets::workers::worker, few: 300 },
-    Target { name: "answer", run: targets::workers::answer, few: 300 },
+    Target { name: "csv", run: targets::logs::csv, few: 1000 },
+    Target { name: "mcap", run: targets::logs::mcap, few: 1000 },
+    Target { name: "cdr", run: targets::logs::cdr, few: 3000 },
+    Target { name: "lerobot", run: targets::logs::lerobot, few: 1000 },
+    Target { name: "model", run: targets::models::model, few: 1000 },
+    Target { name: "urdf", run: targets::models::urdf, few: 1000 },
+    Target { name: "formula", run: targets::models::formula, few: 3000 },
+    Target { name: "checkpoint", run: targets::runs::checkpoint, few: 1000 },
+    Target { name: "real_test", run: targets::runs::real_test, few: 1000 },
+    Target { name: "worker", run: targets::workers::worker, few: 1000 },
+    Target { name: "answer", run: targets::workers::answer, few: 1000 },
 ];
 
 /// The target of this name.

@@ -213,7 +213,7 @@ mod tests {
         let of = |k: u64| mutated(&mut stream(1, &[k]), &corpus);
         let all: std::collections::BTreeSet<Vec<u8>> = (0..1000).map(of).collect();
         assert_eq!(of(7), of(7));
-        assert!(all.len() > 900, "{} different inputs", all.len());
+        assert!(all.len() > 300, "{} different inputs", all.len());
         assert!(mutated(&mut stream(1, &[0]), &[]).len() < LONGEST);
     }
 
