@@ -353,11 +353,11 @@ mod tests {
     fn a_damaged_log_is_no_log() {
         let mut log = Log::new(vec![0.0, 0.5]).unwrap();
         log.insert("q_knee", "rad", Role::Measured, vec![0.25, 0.75]).unwrap();
-        let text = serde_json::to_string(&log).unwrap();
-        assert_eq!(serde_json::from_str::<Log>(&text).unwrap(), log);
-        for (whole, damaged) in [("[0.25,0.75]", "[0.25]"), ("[0.0,0.5]", "[0.5,0.0]")] {
+        let text = toml::to_string(&log).unwrap();
+        assert_eq!(toml::from_str::<Log>(&text).unwrap(), log);
+        for (whole, damaged) in [("[0.25, 0.75]", "[0.25]"), ("[0.0, 0.5]", "[0.5, 0.0]")] {
             assert!(text.contains(whole), "{text}");
-            assert!(serde_json::from_str::<Log>(&text.replace(whole, damaged)).is_err(), "{damaged}");
+            assert!(toml::from_str::<Log>(&text.replace(whole, damaged)).is_err(), "{damaged}");
         }
     }
 }

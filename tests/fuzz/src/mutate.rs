@@ -1,4 +1,6 @@
 //! Mutations of inputs: bits and bytes, lengths, pieces of other inputs, and words that are known to hurt.
+// All mutations have one type; most of them change the length.
+#![allow(clippy::ptr_arg)]
 
 use btr_core::random::Rng;
 use rand::RngExt;

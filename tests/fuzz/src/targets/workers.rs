@@ -144,7 +144,8 @@ fn head_of(answer: &[u8]) -> usize {
 
 /// Honest batches with their payloads.
 pub(crate) fn worker_seeds() -> Vec<Vec<u8>> {
-    let files = |honest: &Messages| [&[honest.batch.clone()], &honest.payloads[..]].concat().join(SEPARATOR);
+    let files =
+        |honest: &Messages| [std::slice::from_ref(&honest.batch), &honest.payloads[..]].concat().join(SEPARATOR);
     SETTING.as_ref().map(|setting| setting.honest.iter().map(files).collect()).unwrap_or_default()
 }
 
