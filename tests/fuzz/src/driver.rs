@@ -155,6 +155,7 @@ pub const TOO_LONG: i32 = 3;
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
     use super::*;
     use std::hint::black_box;
 
