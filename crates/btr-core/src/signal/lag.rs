@@ -146,6 +146,9 @@ mod tests {
         late[200..260].fill(f64::NAN);
         assert!((lag(&clock, &early, &late, 0.3).unwrap().seconds - 0.0137).abs() < 5e-4);
         assert!(lag(&clock, &early, &vec![1.0; 1600], 0.3).is_none() && lag(&[], &[], &[], 0.3).is_none());
+        // A clock that leaps: its even steps would be more than memory holds.
+        let leaping: Vec<f64> = clock.iter().map(|t| if *t > 5.0 { t + 1e15 } else { *t }).collect();
+        assert_eq!(lag(&leaping, &early, &late, 0.3), None);
         let mut rng = stream(1, &[1]);
         let strange: Vec<f64> = clock.iter().map(|_| rng.random::<f64>()).collect();
         assert!(lag(&clock, &early, &strange, 0.3).is_none_or(|lag| lag.correlation < 0.5));

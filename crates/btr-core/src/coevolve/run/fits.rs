@@ -162,3 +162,81 @@ impl Expected<'_> {
         !tried.is_empty() && tried.iter().all(|(unit, _)| self.is_simulation(unit))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::coevolve::fixture::{Toy, ToyRobot, estimating, whitened};
+    use crate::coevolve::plan::Rule;
+    use crate::coevolve::run::coevolution::{Coevolution, Environment, StepOutcome};
+    use crate::search::SearchSpec;
+    use crate::search::ga::GaSettings;
+
+    /// A plan with both searches.
+    fn searching() -> Plan {
+        let search = SearchSpec::Ga(GaSettings { population: 6, ..GaSettings::default() });
+        let phase = SearchPhase { generations: 2, search, carry_over: true, refine: 2 };
+        let mut plan = Plan { posterior: None, simulators: Some(phase.clone()), ..estimating(2) };
+        plan.transfer.rule = Rule::Fittest;
+        Plan { controllers: Some(phase), ..plan }
+    }
+
+    /// The states of a run.
+    fn states(plan: &Plan, toy: &Toy) -> Vec<RunState> {
+        let (distance, mut robot) = (whitened(), ToyRobot::new(toy, &[1.7, 1.13], 3));
+        let mut run = Coevolution::new(plan.clone(), 3, toy).unwrap();
+        let mut states = vec![run.state().clone()];
+        let mut on = Environment { simulator: toy, distance: &distance, reality: &mut robot };
+        while !matches!(run.step(&mut on).unwrap(), StepOutcome::Stopped(_)) {
+            states.push(run.state().clone());
+        }
+        states
+    }
+
+    #[test]
+    fn every_state_of_a_run_fits_and_none_of_another_space() {
+        let toy = Toy::driven(0.0, &[]);
+        for plan in [searching(), estimating(2)] {
+            for state in states(&plan, &toy) {
+                assert_eq!(check(&state, &plan, &toy), Ok(()), "{:?}", state.phase);
+                assert!(check(&state, &plan, &Toy::new(false, &[])).is_err(), "{:?}", state.phase);
+            }
+        }
+    }
+
+    #[test]
+    fn what_a_step_would_stumble_over_does_not_fit() {
+        let (toy, plan) = (Toy::driven(0.0, &[]), searching());
+        let all = states(&plan, &toy);
+        let refused = |damage: &dyn Fn(&mut RunState) -> bool, part: &'static str| {
+            let mut tried = 0;
+            for mut state in all.iter().cloned() {
+                if damage(&mut state) {
+                    tried += 1;
+                    assert_eq!(check(&state, &plan, &toy), Err(StateError(part)));
+                }
+            }
+            assert!(tried > 0, "{part}");
+        };
+        let last = |state: &mut RunState| state.rivals.last_mut().map(|rival| rival[0] = f64::NAN).is_some();
+        refused(&|state| state.prior.pop().is_some(), "simulations");
+        refused(&last, "simulations");
+        refused(&|state| state.ahead.as_mut().map(|unit| unit[0] = 1.5).is_some(), "controllers");
+        refused(&|state| state.suspicion.replace(state.ledger.spent()).is_none(), "real tests");
+        refused(&|state| std::mem::take(&mut state.iteration) > 0 && state.ledger.spent() == 0, "records");
+        let other = searching().simulators.map(|phase| phase.search.start(3, None)).unwrap();
+        let phase = |state: &mut RunState| {
+            match &mut state.phase {
+                Phase::Controllers { generation, .. } => *generation = 3,
+                Phase::Transfer { next, .. } => *next = 99,
+                Phase::Simulators { tests, generation: 1, .. } => tests[0] = 99,
+                Phase::Simulators { search, .. } => *search = other.clone(),
+                Phase::Refine { tried, .. } => tried.clear(),
+                _ => return false,
+            }
+            true
+        };
+        refused(&phase, "numbers of the current step");
+    }
+}
