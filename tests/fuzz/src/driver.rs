@@ -20,6 +20,9 @@ static MEMORY: PeakAlloc = PeakAlloc;
 /// The last panic, with its place.
 static PANIC: Mutex<String> = Mutex::new(String::new());
 
+/// Held while an input is tried.
+static ALONE: Mutex<()> = Mutex::new(());
+
 /// Has panics remembered instead of printed.
 pub fn listen() {
     std::panic::set_hook(Box::new(|panic| {
@@ -32,6 +35,8 @@ pub fn listen() {
 /// # Errors
 /// A panic, or too much memory.
 pub fn tried(target: &Target, data: &[u8]) -> Result<bool, String> {
+    // Memory and panics are the process's.
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     MEMORY.reset_peak_usage();
     let before = MEMORY.current_usage();
     let ended = catch_unwind(AssertUnwindSafe(|| (target.run)(data)));
