@@ -15,3 +15,7 @@ nao:
 # Speed of the ant and the Nao.
 bench:
     cargo bench -p btr-physics
+
+# Mutated inputs through everything that reads: so many per target, from a seed.
+fuzz inputs="100000" seed="1":
+    cargo run --release -p btr-fuzz -- --inputs {{inputs}} --seed {{seed}}

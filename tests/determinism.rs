@@ -73,7 +73,7 @@ fn interrupted(plan: &Plan, every: usize) -> (Vec<u8>, String) {
         }
         let written = postcard::to_allocvec(run.state()).unwrap();
         let state: RunState = postcard::from_bytes(&written).unwrap();
-        run = Coevolution::resumed(plan.clone(), state);
+        run = Coevolution::resumed(plan.clone(), state, &world).unwrap();
         run.recall(&mut reality).unwrap();
     }
 }

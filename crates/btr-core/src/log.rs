@@ -30,9 +30,29 @@ pub struct Channel {
 /// Channels that share a clock. Names follow the convention `cmd_<joint>`, `q_<joint>`, `dq_<joint>`, `tau_<joint>`,
 /// `imu_*`, `foot_*`, `base_*`, `ball_*`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "StoredLog")]
 pub struct Log {
     clock_s: Vec<f64>,
     channels: IndexMap<String, Channel>,
+}
+
+/// A log as it is stored and sent: what is read is checked as what is made.
+#[derive(Deserialize)]
+struct StoredLog {
+    clock_s: Vec<f64>,
+    channels: IndexMap<String, Channel>,
+}
+
+impl TryFrom<StoredLog> for Log {
+    type Error = LogError;
+
+    fn try_from(StoredLog { clock_s, channels }: StoredLog) -> Result<Self, LogError> {
+        let mut log = Log::new(clock_s)?;
+        for (name, Channel { unit, role, values }) in channels {
+            log.insert(name, unit, role, values)?;
+        }
+        Ok(log)
+    }
 }
 
 /// Error of a log.
@@ -327,5 +347,17 @@ mod tests {
         let moved = log.clone().from_zero();
         assert!(moved.clock_s()[0].to_bits() == 0 && (moved.duration_s() - log.duration_s()).abs() < 1e-9);
         assert!(Log::new(vec![4.0]).unwrap().usual_step_s().is_none());
+    }
+
+    #[test]
+    fn a_damaged_log_is_no_log() {
+        let mut log = Log::new(vec![0.0, 0.5]).unwrap();
+        log.insert("q_knee", "rad", Role::Measured, vec![0.25, 0.75]).unwrap();
+        let text = toml::to_string(&log).unwrap();
+        assert_eq!(toml::from_str::<Log>(&text).unwrap(), log);
+        for (whole, damaged) in [("[0.25, 0.75]", "[0.25]"), ("[0.0, 0.5]", "[0.5, 0.0]")] {
+            assert!(text.contains(whole), "{text}");
+            assert!(toml::from_str::<Log>(&text.replace(whole, damaged)).is_err(), "{damaged}");
+        }
     }
 }

@@ -85,6 +85,12 @@ impl Failure {
         Failure { message: Text::from(format!("{}: ", model.display())) + self.message, ..self }
     }
 
+    /// The same failure; in front of the message of a simulation's stands the model's file.
+    #[must_use]
+    pub fn of_simulated(self, model: &Path) -> Self {
+        if self.code == "simulation" { self.of_model(model) } else { self }
+    }
+
     /// Why there is nothing to fit, where no parameter is free.
     pub fn nothing_to_fit(input: &VerbInput) -> Option<Self> {
         let (message, help) = match (input.problem.free().is_empty(), input.frozen.is_empty()) {

@@ -46,7 +46,8 @@ pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<LogArgument>, str
     let logs = sources(logs);
     at_once(py, &model.source, || {
         let replays = replays(&model.source, [&logs, &[]], strict)?;
-        let outcome = verbs::compare(&model.source, replays).map_err(Raise::raise)?;
+        let outcome = verbs::compare(&model.source, replays)
+            .map_err(|error| Failure::input(error, &[]).of_simulated(&model.source.path).raise())?;
         Ok((outcome.document().to_string(), Page::new(&model.source, move || html::compare(&outcome))))
     })
 }

@@ -24,7 +24,8 @@ pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
     let source = common::source_of(&args.model, &args.reading, global)?;
     guard(OutputKind::Report.at(args.report.as_deref()), inputs(&source, args.logs.iter().cloned()))?;
     let (replays, doubts) = common::replays(&source, [&args.logs, &[]], &args.reading, global)?;
-    let outcome = verbs::compare(&source, replays).map_err(|e| Failure::input(e, &doubts))?;
+    let outcome =
+        verbs::compare(&source, replays).map_err(|e| Failure::input(e, &doubts).of_simulated(&source.path))?;
     if let Some(path) = &args.report {
         write_report(path, &html::compare(&outcome))?;
     }

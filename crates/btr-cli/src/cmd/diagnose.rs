@@ -34,7 +34,7 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     let (replays, doubts) = common::replays(&source, logs, &args.logs_args.reading, global)?;
     let input = VerbInput::of(source, replays)
         .and_then(|input| input.freezing(&args.logs_args.freeze))
-        .map_err(|e| Failure::input(e, &doubts))?;
+        .map_err(|e| Failure::input(e, &doubts).of_simulated(&args.logs_args.model))?;
     let question = input.options(args.max_effects, args.max_rollouts);
     let unit = input.error_unit();
     let tell = |ladder_step: &_| common::tell(ladder_step, unit, global);

@@ -22,9 +22,9 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
     let (replays, doubts) = common::replays(&source, logs, &args.logs_args.reading, global)?;
     let input = VerbInput::with(source, replays, &args.add)
         .and_then(|input| input.freezing(&args.logs_args.freeze))
-        .map_err(|e| Failure::input(e, &doubts))?;
+        .map_err(|e| Failure::input(e, &doubts).of_simulated(&args.logs_args.model))?;
     if args.base_parameters {
-        input.check_base_parameters().map_err(|e| Failure::input(e, &doubts))?;
+        input.check_base_parameters().map_err(|e| Failure::input(e, &doubts).of_simulated(&args.logs_args.model))?;
     } else if let Some(failure) = Failure::nothing_to_fit(&input) {
         return Err(failure);
     }
@@ -32,7 +32,8 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
     let (mut report, fit, step) = verbs::fit(&input, &input.problem, &|step| common::tell(step, unit, global))
         .map_err(|error| Failure::simulation_failure(&input, &error))?;
     if args.base_parameters {
-        let base = verbs::base_parameters(&input, &fit, step).map_err(|e| Failure::input(e, &doubts))?;
+        let base = verbs::base_parameters(&input, &fit, step)
+            .map_err(|e| Failure::input(e, &doubts).of_simulated(&args.logs_args.model))?;
         report.base_parameters = Some(base);
     }
     if let Some(output) = &args.output {

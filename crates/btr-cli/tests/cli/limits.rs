@@ -198,4 +198,9 @@ fn a_failed_simulation_names_its_model() {
     let lab = Lab::with(&[("duration_s = 0.5", "duration_s = 0.5\ngravity = -1e12")]);
     let told = lab.complaint(SIMULATE);
     assert!(told.starts_with("error: small.toml: the simulation diverged"), "{told}");
+    // Also where a log is replayed.
+    let rows: String = (0..30).map(|k| format!("{},{k},0\n", 0.01 * f64::from(k))).collect();
+    lab.write("log.csv", &format!("t,cmd_hinge,q_hinge\n{rows}"));
+    let told = lab.complaint("compare small.toml log.csv");
+    assert!(told.contains("\nerror: small.toml: the simulation diverged"), "{told}");
 }

@@ -40,4 +40,4 @@ pub use ledger::{Entry, Ledger, Memory, RecallError, TestVerdict};
 pub use map::{MapError, MapPhase, Outlook, Promise};
 pub use plan::{DisengagementRule, Initial, Method, Plan, PosteriorPhase, Rule, SearchPhase, Transfer};
 pub use promise::RealityGap;
-pub use run::{Coevolution, Environment, PlanError, RunState, StepOutcome};
+pub use run::{Coevolution, Environment, PlanError, RunState, StateError, StepOutcome};

@@ -9,7 +9,7 @@
 
 use super::damped::QuadraticModel;
 use crate::random::Rng;
-use crate::search::UnitPoint;
+use crate::search::{UnitPoint, is_on_cube};
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -68,6 +68,14 @@ impl LeastSquares {
         let disturbed = |x: &f64| (x + by * (2.0 * rng.random::<f64>() - 1.0)).clamp(0.0, 1.0);
         let here = point.iter().map(disturbed).collect();
         LeastSquares { reach: (by / 3.0).clamp(REACH[1], REACH[0]), ..LeastSquares::new(here) }
+    }
+
+    /// Whether it can be at work in `dims` dimensions.
+    pub(crate) fn is_of(&self, dims: usize) -> bool {
+        let ([widest, least], [_, lowest, highest]) = (REACH, DAMPING);
+        is_on_cube(dims, &self.here)
+            && (least..=widest).contains(&self.reach)
+            && (lowest..=highest).contains(&self.damping)
     }
 
     /// Whether no further turn makes progress.

@@ -1,6 +1,6 @@
 //! The best point reported to a search.
 
-use super::UnitPoint;
+use super::{UnitPoint, sample};
 use serde::{Deserialize, Serialize};
 
 /// The best point so far; empty until an evaluation has succeeded.
@@ -17,6 +17,11 @@ impl Best {
                 self.0 = Some((point.clone(), cost));
             }
         }
+    }
+
+    /// Whether it can be the best of points in `dims` dimensions.
+    pub(crate) fn is_of(&self, dims: usize) -> bool {
+        self.0.as_ref().is_none_or(|(point, cost)| sample::is_on_cube(dims, point) && cost.is_finite())
     }
 
     /// The point and its cost.

@@ -63,6 +63,15 @@ impl Ga {
         Ga { settings, dims, seed, pool: Pool::default(), best: Best::default() }
     }
 
+    /// Whether this can be the state of a search that began as `fresh`.
+    pub(super) fn continues(&self, fresh: &Self) -> bool {
+        let is_genome = |genome: &Genome| genome.len() == self.dims;
+        (self.dims, &self.settings) == (fresh.dims, &fresh.settings)
+            && self.seed.as_ref().is_none_or(is_genome)
+            && self.pool.all(is_genome)
+            && self.best.is_of(self.dims)
+    }
+
     fn first(&self, rng: &mut Rng) -> Vec<Genome> {
         let GaSettings { mutation, bits, .. } = self.settings;
         let size = self.settings.population.max(2);

@@ -74,6 +74,19 @@ impl MapElites {
         MapElites { dims, population: population.max(1), variation, grid, elites: BTreeMap::new() }
     }
 
+    /// Whether this can be the state of a map that began as `fresh`.
+    pub(crate) fn continues(&self, fresh: &Self) -> bool {
+        let fits = |(cell, elite): (&u64, &Elite)| {
+            sample::is_on_cube(self.dims, &elite.unit)
+                && elite.cost.is_finite()
+                && sample::is_on_cube(self.grid.axes, &elite.descriptor)
+                && self.grid.cell(&elite.descriptor) == *cell
+        };
+        (self.dims, self.population, self.variation, self.grid)
+            == (fresh.dims, fresh.population, fresh.variation, fresh.grid)
+            && self.elites.iter().all(fits)
+    }
+
     /// The next population to evaluate: children of elites, or random points while there are none. `rng` belongs
     /// to this generation.
     pub fn ask(&self, rng: &mut Rng) -> Vec<UnitPoint> {

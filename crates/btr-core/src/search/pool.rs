@@ -34,6 +34,11 @@ impl<G: Clone + PartialEq> Pool<G> {
         self.0 = next;
     }
 
+    /// Whether all individuals are as they have to be.
+    pub(crate) fn all(&self, fits: impl Fn(&G) -> bool) -> bool {
+        self.0.iter().all(|(genome, cost)| fits(genome) && cost.is_finite())
+    }
+
     /// True before any evaluation has succeeded.
     pub(crate) fn is_empty(&self) -> bool {
         self.0.is_empty()

@@ -61,6 +61,15 @@ impl RealGa {
         RealGa { settings, dims, seed, pool: Pool::default(), best: Best::default() }
     }
 
+    /// Whether this can be the state of a search that began as `fresh`.
+    pub(super) fn continues(&self, fresh: &Self) -> bool {
+        let is_point = |point: &UnitPoint| sample::is_on_cube(self.dims, point);
+        (self.dims, &self.settings) == (fresh.dims, &fresh.settings)
+            && self.seed.as_ref().is_none_or(is_point)
+            && self.pool.all(is_point)
+            && self.best.is_of(self.dims)
+    }
+
     fn first(&self, rng: &mut Rng) -> Vec<UnitPoint> {
         let size = self.settings.population.max(2);
         match &self.seed {

@@ -71,6 +71,17 @@ pub enum AnySearch {
 }
 
 impl AnySearch {
+    /// Whether this can be the state of a search that `spec` started in `dims` dimensions. One that was read from a
+    /// file may be anything.
+    pub(crate) fn continues(&self, spec: &SearchSpec, dims: usize) -> bool {
+        match (self, spec.start(dims, None)) {
+            (AnySearch::Ga(search), AnySearch::Ga(fresh)) => search.continues(&fresh),
+            (AnySearch::RealGa(search), AnySearch::RealGa(fresh)) => search.continues(&fresh),
+            (AnySearch::CmaEs(search), AnySearch::CmaEs(fresh)) => search.continues(&fresh),
+            _ => false,
+        }
+    }
+
     fn get(&self) -> &dyn Search {
         match self {
             AnySearch::Ga(search) => search,

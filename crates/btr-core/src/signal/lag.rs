@@ -20,9 +20,12 @@ pub struct Lag {
 
 /// Fewest pairs of samples of a correlation.
 const FEWEST: usize = 20;
+/// Most steps per sample: where a clock has leapt, gaps would take all memory.
+const SPARSEST: f64 = 100.0;
 
 /// The lag of `late` behind `early`, both on one clock, within `most_s` in both directions. NaN and gaps are skipped.
-/// `None` where a series is constant, too few samples are present, or the correlation peaks at the end of the range.
+/// `None` where a series is constant, too few samples are present, nearly all of the clock is gaps, or the correlation
+/// peaks at the end of the range.
 pub fn lag(clock_s: &[f64], early: &[f64], late: &[f64], most_s: f64) -> Option<Lag> {
     let step_s = usual_step_s(clock_s)?;
     if !moves(early) || !moves(late) {
@@ -32,8 +35,12 @@ pub fn lag(clock_s: &[f64], early: &[f64], late: &[f64], most_s: f64) -> Option<
         let motion = smooth(clock_s, values);
         on_grid(clock_s, &motion.iter().map(|m: &Motion| m.velocity).collect::<Vec<_>>(), step_s)
     };
+    let sparse = (clock_s.last()? - clock_s.first()?) / step_s > SPARSEST * clock_s.len() as f64;
+    if sparse {
+        return None;
+    }
     let (early, late) = (slopes(early), slopes(late));
-    let most = (most_s / step_s).ceil().min(early.len() as f64 / 2.0) as isize;
+    let most = (most_s / step_s).ceil().min(early.len().min(clock_s.len()) as f64 / 2.0) as isize;
     let correlation: Vec<f64> =
         (-most..=most).map(|shift| correlation_at(&early, &late, shift).unwrap_or(f64::NAN)).collect();
     let best = (0..correlation.len())
@@ -139,6 +146,9 @@ mod tests {
         late[200..260].fill(f64::NAN);
         assert!((lag(&clock, &early, &late, 0.3).unwrap().seconds - 0.0137).abs() < 5e-4);
         assert!(lag(&clock, &early, &vec![1.0; 1600], 0.3).is_none() && lag(&[], &[], &[], 0.3).is_none());
+        // A clock that leaps: its even steps would be more than memory holds.
+        let leaping: Vec<f64> = clock.iter().map(|t| if *t > 5.0 { t + 1e15 } else { *t }).collect();
+        assert_eq!(lag(&leaping, &early, &late, 0.3), None);
         let mut rng = stream(1, &[1]);
         let strange: Vec<f64> = clock.iter().map(|_| rng.random::<f64>()).collect();
         assert!(lag(&clock, &early, &strange, 0.3).is_none_or(|lag| lag.correlation < 0.5));

@@ -18,8 +18,8 @@ use names::{COLUMNS, channels};
 use serde::Deserialize;
 use serde_json::Value;
 use std::fs;
-use std::path::{Path, PathBuf};
-use table::FrameTable;
+use std::path::{Component, Path, PathBuf};
+use table::episode_in;
 
 /// One episode of a data set.
 pub(crate) struct Episode {
@@ -90,7 +90,7 @@ impl Episode {
     fn columns(&self, requested: &[&str]) -> Result<Vec<Vec<Vec<f64>>>, IoError> {
         let files = self.files()?;
         for file in &files {
-            if let Some(columns) = FrameTable::open(file)?.episode(self.index, requested)? {
+            if let Some(columns) = episode_in(file, self.index, requested)? {
                 return Ok(columns);
             }
         }
@@ -136,6 +136,9 @@ impl Info {
         let version = info.codebase_version.as_str();
         if !version.starts_with("v2.") && !version.starts_with("v3.") {
             return Err(odd(format!("a data set in format {version}")));
+        }
+        if !Path::new(&info.data_path).components().all(|part| matches!(part, Component::Normal(_))) {
+            return Err(odd(format!("the data path {:?} leads out of the data set", info.data_path)));
         }
         Ok(info)
     }

@@ -9,13 +9,24 @@ use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 use parquet::file::statistics::Statistics;
 use parquet::schema::types::ColumnDescPtr;
 use std::fs::File;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 /// The column with the episode of a frame.
 const EPISODE: &str = "episode_index";
 
+/// The named columns of an episode in a file, see [`FrameTable::episode`]. At some damage, the reader panics:
+/// metadata with negative places, indices without their dictionary, numbers of too many bits.
+///
+/// # Errors
+/// See [`FrameTable`]; a damaged file.
+pub(super) fn episode_in(path: &Path, episode: usize, names: &[&str]) -> Result<Option<Vec<Vec<Vec<f64>>>>, IoError> {
+    let read = || FrameTable::open(path)?.episode(episode, names);
+    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err(odd(path, "the Parquet file is damaged".to_owned())))
+}
+
 /// A file of frames.
-pub(super) struct FrameTable {
+struct FrameTable {
     path: PathBuf,
     reader: SerializedFileReader<File>,
 }
@@ -23,7 +34,7 @@ pub(super) struct FrameTable {
 impl FrameTable {
     /// # Errors
     /// A missing file, or one that is not Parquet.
-    pub(super) fn open(path: &Path) -> Result<Self, IoError> {
+    fn open(path: &Path) -> Result<Self, IoError> {
         let file = regular::open(path).map_err(|source| IoError::File { path: path.to_owned(), source })?;
         let reader = SerializedFileReader::new(file).map_err(|e| odd(path, e.to_string()))?;
         Ok(FrameTable { path: path.to_owned(), reader })
@@ -34,7 +45,7 @@ impl FrameTable {
     ///
     /// # Errors
     /// Columns that are missing, are not numeric, or differ in their number of values between frames.
-    pub(super) fn episode(&self, episode: usize, names: &[&str]) -> Result<Option<Vec<Vec<Vec<f64>>>>, IoError> {
+    fn episode(&self, episode: usize, names: &[&str]) -> Result<Option<Vec<Vec<Vec<f64>>>>, IoError> {
         let episode_column = self.column(EPISODE)?;
         let columns = names.iter().map(|name| self.column(name)).collect::<Result<Vec<usize>, _>>()?;
         let mut found: Vec<Vec<Vec<f64>>> = vec![Vec::new(); names.len()];

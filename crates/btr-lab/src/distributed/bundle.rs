@@ -66,6 +66,12 @@ impl Bundle {
         failed.map_or(Ok(Bundle { name, text: document.to_string(), files, functions }), Err)
     }
 
+    /// A bundle of these files.
+    #[cfg(test)]
+    pub(super) fn holding(text: &str, files: Vec<(String, Vec<u8>)>) -> Self {
+        Bundle { name: PathBuf::from("model.toml"), text: text.to_owned(), files, functions: Vec::new() }
+    }
+
     /// Writes the files into a temporary folder while `open` runs.
     pub(super) fn unpacked<T>(
         &self,
@@ -90,6 +96,10 @@ impl Bundle {
         }
         std::fs::create_dir(folder)?;
         for (name, bytes) in &self.files {
+            // As packed: nothing is written outside of the folder.
+            if !Path::new(name).components().all(|part| matches!(part, Component::Normal(_))) {
+                return Err(std::io::Error::other(format!("{name:?} is no name of a file in a payload")));
+            }
             let path = folder.join(name);
             path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
             std::fs::write(path, bytes)?;

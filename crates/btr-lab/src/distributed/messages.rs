@@ -52,6 +52,11 @@ impl Sparse {
         Sparse { length: point.len() as u32, entries: entries.map(|(k, x)| (k as u32, *x)).collect() }
     }
 
+    /// Number of coordinates.
+    pub(super) fn len(&self) -> usize {
+        self.length as usize
+    }
+
     pub(super) fn dense(&self) -> Vec<f64> {
         let mut point = vec![0.0; self.length as usize];
         for &(k, x) in &self.entries {

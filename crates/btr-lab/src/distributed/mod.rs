@@ -12,6 +12,9 @@ mod error;
 mod messages;
 mod remote_model;
 mod remote_simulator;
+mod shape;
+#[cfg(test)]
+mod tests;
 mod worker;
 
 pub use error::DistributedError;

@@ -8,6 +8,7 @@ use super::messages::{
 };
 use super::remote_model;
 use super::remote_simulator;
+use super::shape::{Shape, are_of};
 use crate::execution::{Answer, ExecutionContext, hash_of};
 use crate::experiment;
 use crate::experiment::LogSource;
@@ -17,13 +18,15 @@ use btr_core::world::{Behaviour, Compared, Job, OutputRequest, Reference, Simula
 use btr_identify::residual_model::{ResidualModel, ResidualRequest, TimeStep};
 use btr_physics::model::Model;
 use std::hash::{DefaultHasher, Hasher};
+use std::sync::Arc;
 
 /// A payload that a worker has opened.
 enum OpenPayload {
-    /// The batch size is kept: a description is too large to be made for every batch.
+    /// Batch size and shape are kept: a description is too large to be made for every batch.
     Problem {
         residual_model: Box<dyn ResidualModel>,
         batch_size: usize,
+        shape: Shape,
         fingerprint: u64,
     },
     Simulations {
@@ -65,8 +68,11 @@ pub fn serve(
     };
     let opened = PROBLEMS.get(*key, open_payload).map_err(DistributedError::Shared)?;
     let answer = match (&*opened, request) {
-        (OpenPayload::Problem { residual_model, batch_size, fingerprint }, Batch::Rollouts(rollouts)) => {
-            let results = residuals(residual_model.as_ref(), *batch_size, *key, &rollouts)?;
+        (problem @ OpenPayload::Problem { residual_model, fingerprint, .. }, Batch::Rollouts(rollouts)) => {
+            let results = match rollouts.derived.is_empty() {
+                true => simulated(problem, &rollouts)?,
+                false => simulated(&*derived(residual_model.as_ref(), *key, &rollouts)?, &rollouts)?,
+            };
             postcard::to_allocvec(&Answer { fingerprint: *fingerprint, batch, results })
         }
         (OpenPayload::Simulations { model, distance, fingerprint }, Batch::Population(candidates)) => {
@@ -94,11 +100,8 @@ fn open(content: PayloadContent, functions: Functions) -> Result<OpenPayload, Di
                 logs.into_iter().map(|(name, log)| LogSource::InMemory { name, log }).collect()
             };
             let input = VerbInput::new(source, &sources(learn), &sources(held_out))?;
-            Ok(OpenPayload::Problem {
-                fingerprint: remote_model::fingerprint(&input.problem),
-                batch_size: input.problem.description().batch_size.max(1),
-                residual_model: Box::new(input.problem),
-            })
+            let fingerprint = remote_model::fingerprint(&input.problem);
+            Ok(problem(Box::new(input.problem), fingerprint))
         }),
         PayloadContent::Experiment { experiment, distance, reality } => experiment.unpacked(functions, |source| {
             let model = experiment::simulations(&source, reality)?;
@@ -113,16 +116,14 @@ fn open(content: PayloadContent, functions: Functions) -> Result<OpenPayload, Di
     }
 }
 
-/// Residuals of a residual model, or of one derived from it.
-fn residuals(
-    base: &dyn ResidualModel,
-    batch_size: usize,
-    key: u64,
-    rollouts: &Rollouts,
-) -> Result<Vec<ResidualMessage>, DistributedError> {
-    if rollouts.derived.is_empty() {
-        return Ok(simulated(base, batch_size, rollouts));
-    }
+fn problem(residual_model: Box<dyn ResidualModel>, fingerprint: u64) -> OpenPayload {
+    let description = residual_model.description();
+    let (batch_size, shape) = (description.batch_size.max(1), Shape::of(&description));
+    OpenPayload::Problem { residual_model, batch_size, shape, fingerprint }
+}
+
+/// The residual model that is derived from one.
+fn derived(base: &dyn ResidualModel, key: u64, rollouts: &Rollouts) -> Result<Arc<OpenPayload>, DistributedError> {
     let mut hasher = DefaultHasher::new();
     hasher.write_u64(key);
     hasher.write(&postcard::to_allocvec(&rollouts.derived)?);
@@ -130,28 +131,29 @@ fn residuals(
         let mut residual_model: Option<Box<dyn ResidualModel>> = None;
         for how in &rollouts.derived {
             let from = residual_model.as_deref().unwrap_or(base);
+            if !Shape::of(&from.description()).allows(how) {
+                return Err(MISMATCH);
+            }
             let not_derived = DistributedError::Payload("this residual model cannot be derived by the worker");
             residual_model = Some(from.derive(how).ok_or(not_derived)?);
         }
-        let residual_model = residual_model.ok_or(MISMATCH)?;
-        let batch_size = residual_model.description().batch_size.max(1);
-        Ok(OpenPayload::Problem { residual_model, batch_size, fingerprint: 0 })
+        Ok(problem(residual_model.ok_or(MISMATCH)?, 0))
     };
-    match &*PROBLEMS.get(hasher.finish(), derive).map_err(DistributedError::Shared)? {
-        OpenPayload::Problem { residual_model, batch_size, .. } => {
-            Ok(simulated(residual_model.as_ref(), *batch_size, rollouts))
-        }
-        _ => Err(MISMATCH),
-    }
+    PROBLEMS.get(hasher.finish(), derive).map_err(DistributedError::Shared)
 }
 
-fn simulated(residual_model: &dyn ResidualModel, batch_size: usize, rollouts: &Rollouts) -> Vec<ResidualMessage> {
+/// Residuals of a problem.
+fn simulated(problem: &OpenPayload, rollouts: &Rollouts) -> Result<Vec<ResidualMessage>, DistributedError> {
+    let OpenPayload::Problem { residual_model, batch_size, shape, .. } = problem else { return Err(MISMATCH) };
+    if !shape.fits(rollouts) {
+        return Err(MISMATCH);
+    }
     let step = TimeStep::of_halvings(rollouts.halvings);
     let dense: Vec<_> = rollouts.requests.iter().map(|one| (one.u.dense(), one.log, one.moved.dense())).collect();
     let requests: Vec<ResidualRequest> =
         dense.iter().map(|(u, log, moved)| ResidualRequest { u, log: *log, moved }).collect();
-    let results = requests.chunks(batch_size).flat_map(|few| residual_model.residuals(few, step));
-    results.map(|result| result.map_err(SimulationError::from)).collect()
+    let results = requests.chunks(*batch_size).flat_map(|few| residual_model.residuals(few, step));
+    Ok(results.map(|result| result.map_err(SimulationError::from)).collect())
 }
 
 fn population(
@@ -160,6 +162,9 @@ fn population(
     tests: &[&Behaviour],
     candidates: &[Candidate],
 ) -> Result<Vec<CandidateResult>, DistributedError> {
+    if !are_of(candidates, model) {
+        return Err(MISMATCH);
+    }
     let plain = |real: &Behaviour, simulated: &Behaviour| Compared {
         distance: distance.distance(real, simulated),
         residuals: None,

@@ -45,6 +45,13 @@ pub(super) struct Enlargement {
     explanation: Option<Explanation>,
 }
 
+impl Enlargement {
+    /// Whether the explanation is one of its own space.
+    pub(super) fn is_whole(&self) -> bool {
+        self.explanation.as_ref().is_none_or(|known| known.estimated.belief.is_of(known.space.len()))
+    }
+}
+
 impl Run {
     /// Begins a run of `plan` in a folder that must not hold one yet.
     ///

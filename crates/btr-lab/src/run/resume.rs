@@ -63,13 +63,17 @@ impl Run {
         lock: FolderLock,
         state: &[u8],
     ) -> Result<Self, RunError> {
-        let unknown = |e: postcard::Error| RunError::Checkpoint { path: checkpoint_path(folder), why: e.to_string() };
-        let (larger, state): (Enlargement, RunState) = postcard::from_bytes(state).map_err(unknown)?;
-        let requested = in_space_of_run(experiment, larger.text.as_deref(), folder)?;
-        let mut state = Coevolution::resumed(plan, state);
+        let stamp = stamp_of(folder);
+        let given = experiment.stamp();
+        let Restored { mut state, larger, requested } = match restored(experiment, plan.clone(), folder, state) {
+            // An experiment that has taken the run's larger S is not the one that the run began with.
+            Err(RunError::Checkpoint { why, .. }) if [given, experiment.stamp()].iter().all(|s| *s == stamp) => {
+                return Run::again(experiment, plan, folder, lock, &why);
+            }
+            restored => restored?,
+        };
         state.recall(experiment.reality.as_mut()).map_err(|error| RunError::LostTest(error.text()))?;
         let distance = state.plan().distance.build();
-        let stamp = stamp_of(folder);
         let payloads = RunPayloads::default();
         let mut run = Run {
             folder: folder.to_owned(),
@@ -101,6 +105,29 @@ impl Run {
         };
         Ok(Run { is_part: true, ..run })
     }
+}
+
+/// What a checkpoint holds.
+struct Restored {
+    state: Coevolution,
+    larger: Enlargement,
+    /// The experiment's text if its S is larger than the run's.
+    requested: Option<String>,
+}
+
+/// Reads the state of the run in this folder, and gives the experiment the run's S.
+///
+/// # Errors
+/// A state that is none, or not one of this run; another experiment.
+fn restored(experiment: &mut Experiment, plan: Plan, folder: &Path, state: &[u8]) -> Result<Restored, RunError> {
+    let unusable = |why: String| RunError::Checkpoint { path: checkpoint_path(folder), why };
+    let (larger, state): (Enlargement, RunState) = postcard::from_bytes(state).map_err(|e| unusable(e.to_string()))?;
+    let requested = in_space_of_run(experiment, larger.text.as_deref(), folder)?;
+    let state = Coevolution::resumed(plan, state, experiment.model.as_ref()).map_err(|e| unusable(e.to_string()))?;
+    if !larger.is_whole() {
+        return Err(unusable("the explanation in it is of no space".to_owned()));
+    }
+    Ok(Restored { state, larger, requested })
 }
 
 /// Gives an experiment the S of the run in this folder and the reality that the run began with; `grown` is the run's

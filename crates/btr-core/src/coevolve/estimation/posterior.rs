@@ -88,6 +88,12 @@ impl Posterior {
         Posterior { mean, covariance }
     }
 
+    /// Whether it is a belief about a space of `dims` dimensions.
+    pub fn is_of(&self, dims: usize) -> bool {
+        let numbers = self.mean.iter().chain(&self.covariance);
+        (self.mean.len(), self.covariance.shape()) == (dims, (dims, dims)) && numbers.into_iter().all(|x| x.is_finite())
+    }
+
     /// The most probable point, on the unit cube.
     pub fn mean(&self) -> &DVector<f64> {
         &self.mean

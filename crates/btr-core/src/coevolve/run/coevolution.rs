@@ -1,5 +1,6 @@
 //! A run in progress, and what it acts on.
 
+use super::fits::{self, StateError};
 use super::state::{Phase, RunState};
 use super::validate::{self, PlanError};
 use crate::coevolve::correction::LinearCorrection;
@@ -109,8 +110,12 @@ impl Coevolution {
     }
 
     /// Resumes a run from a saved state; [`recall`](Self::recall) comes next.
-    pub fn resumed(plan: Plan, state: RunState) -> Self {
-        Coevolution { plan, state }
+    ///
+    /// # Errors
+    /// A state that cannot be one of this plan with this simulator.
+    pub fn resumed(plan: Plan, state: RunState, simulator: &dyn Simulator) -> Result<Self, StateError> {
+        fits::check(&state, &plan, simulator)?;
+        Ok(Coevolution { plan, state })
     }
 
     /// The state to save in a checkpoint.

@@ -3,6 +3,7 @@
 
 mod coevolution;
 mod controllers;
+mod fits;
 mod map;
 mod reality_only;
 mod record;
@@ -14,5 +15,6 @@ mod uncertainty;
 mod validate;
 
 pub use coevolution::{Coevolution, Environment, StepOutcome};
+pub use fits::StateError;
 pub use state::RunState;
 pub use validate::PlanError;

@@ -87,11 +87,23 @@ impl CmaEs {
         self.run.distribution()
     }
 
+    /// Whether this can be the state of a search that began as `fresh`.
+    pub(super) fn continues(&self, fresh: &Self) -> bool {
+        (self.dims, &self.settings) == (fresh.dims, &fresh.settings)
+            && self.restarts <= self.settings.restarts
+            && self.run.is_of(self.dims, self.lambda())
+            && self.best.is_of(self.dims)
+    }
+
+    /// Individuals per generation since the last restart.
+    fn lambda(&self) -> usize {
+        // Doubling stops long before a population could not be held in memory.
+        self.settings.population(self.dims) << self.restarts.min(16)
+    }
+
     fn restart(&mut self, rng: &mut Rng) {
         self.restarts += 1;
-        // Doubling stops long before a population could not be held in memory.
-        let lambda = self.settings.population(self.dims) << self.restarts.min(16);
-        self.run = Distribution::new(sample::uniform(self.dims, rng), self.settings.sigma, lambda);
+        self.run = Distribution::new(sample::uniform(self.dims, rng), self.settings.sigma, self.lambda());
     }
 }
 

@@ -53,6 +53,20 @@ impl Distribution {
         }
     }
 
+    /// Whether it is a distribution over points in `n` dimensions, for populations of `lambda`. What is not drawn from
+    /// may be no number: that ends the run.
+    pub(super) fn is_of(&self, n: usize, lambda: usize) -> bool {
+        let finite = |x: &f64| x.is_finite();
+        let drawn = [&self.mean, &self.lengths].into_iter().chain(&self.steps);
+        let paths = [&self.path_sigma, &self.path_c];
+        self.lambda == lambda
+            && self.sigma.is_finite()
+            && drawn.into_iter().all(|vector| vector.len() == n && vector.iter().all(finite))
+            && paths.into_iter().all(|path| path.len() == n)
+            && [&self.axes, &self.covariance].into_iter().all(|matrix| matrix.shape() == (n, n))
+            && self.axes.iter().all(finite)
+    }
+
     /// Draws a population (eqs. 38-40), folded into the cube.
     pub(super) fn ask(&mut self, rng: &mut Rng) -> Vec<UnitPoint> {
         let n = self.mean.len();
@@ -74,7 +88,7 @@ impl Distribution {
         let cost = |i: usize| if costs[i].is_nan() { f64::INFINITY } else { costs[i] };
         let mut ranked: Vec<usize> = (0..costs.len()).collect();
         ranked.sort_by(|&a, &b| cost(a).total_cmp(&cost(b)));
-        self.generation += 1;
+        self.generation = self.generation.saturating_add(1);
         self.history.see(cost(ranked[0]));
         if cost(ranked[0]) == f64::INFINITY {
             return;

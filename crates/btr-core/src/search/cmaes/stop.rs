@@ -33,7 +33,7 @@ impl CostHistory {
     /// Notes the best cost of a generation; infinite when everything failed.
     pub(super) fn see(&mut self, cost: f64) {
         if cost == f64::INFINITY {
-            self.failures += 1;
+            self.failures = self.failures.saturating_add(1);
             return;
         }
         self.failures = 0;

@@ -222,7 +222,7 @@ mod tests {
             let mut values = torque(seed, 0.0);
             // 12 deviations above the rest; and zeros 4 deviations away, too near to show by their size.
             (values[100], values[203]) = (values[100] + 60.0, values[203] - std::f64::consts::TAU * 10.0);
-            let near = (300..590).find(|&i| (values[i - 3..i + 5].iter().all(|x| (2.5..9.0).contains(x)))).unwrap();
+            let near = (300..590).find(|&i| values[i - 3..i + 5].iter().all(|x| (2.5..9.0).contains(x))).unwrap();
             values[near..near + 2].fill(0.0);
             let found = torque_glitches(&clock(600), &values);
             let kinds: Vec<_> = found.iter().map(|glitch| (glitch.samples.clone(), glitch.kind)).collect();
