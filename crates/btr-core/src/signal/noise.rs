@@ -3,9 +3,9 @@
 //! Motion is smooth, white noise is not. Differences of order p take away every polynomial of a lower degree and weaken
 //! a motion of frequency w by (w·dt)^p, while white noise only grows by the root of the binomial C(2p, p) (J. von
 //! Neumann, R. H. Kent, H. R. Bellinson and B. I. Hart, "The mean square successive difference", Annals of Mathematical
-//! Statistics 12, 1941, for p = 1). Of several orders the lowest is taken whose estimate exceeds the least one by no more
-//! than chance, so that fast motion does not count as noise; and the median over short blocks, so that impacts and steps
-//! do not. The least of all estimates would be too low by chance: by 7 % on 400 readings.
+//! Statistics 12, 1941, for p = 1). Of several orders the lowest is taken whose estimate exceeds the least one by no
+//! more than chance, so that fast motion does not count as noise; and the median over short blocks, so that impacts and
+//! steps do not. The least of all estimates would be too low by chance: by 7 % on 400 readings.
 
 /// Estimate of a sensor's errors.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -153,9 +153,8 @@ impl<'a> BasePoint<'a> {
     ) -> Vec<StartPoint> {
         let split = |probes: &'_ Vec<Probe>| columns.split_off(..probes.len()).unwrap_or_default();
         let of_each: Vec<&[Option<DVector<f64>>]> = each.iter().map(split).collect();
-        let best = |(probes, columns): (&Vec<Probe>, &[Option<DVector<f64>>])| {
-            self.best_point(objective, probes, columns)
-        };
+        let best =
+            |(probes, columns): (&Vec<Probe>, &[Option<DVector<f64>>])| self.best_point(objective, probes, columns);
         each.par_iter().zip(of_each).filter_map(best).collect()
     }
 
