@@ -239,7 +239,8 @@ impl Series {
     fn may_be_motion(&self, run: &Range<usize>, before: &[usize], after: &[usize]) -> bool {
         let (a, b) = (self.readings[before[SIDE - 1]], self.readings[after[0]]);
         let is_between = self.readings[run.clone()].iter().all(|x| (a.min(b)..=a.max(b)).contains(x));
-        is_between && !self.is_zero(run) && !self.gets_stuck(run) && !(run.len() == 1 && self.goes_on(before, after))
+        let is_single = run.len() == 1 && self.goes_on(before, after);
+        is_between && !self.is_zero(run) && !self.gets_stuck(run) && !is_single
     }
 
     /// Whether the readings move as fast before a run and after it as across it.
