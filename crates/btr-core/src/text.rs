@@ -267,6 +267,7 @@ mod tests {
             "run by `btr coevolve` or `btr simulate`",
             "read it in Python: btr.load_log",
             "give the output another name",
+            "write `-` to read the standard input",
         ];
         assert_eq!(worded, expected);
     }
