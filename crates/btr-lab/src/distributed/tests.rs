@@ -85,7 +85,7 @@ fn nothing_is_written_outside_of_a_payloads_folder() {
         let content =
             PayloadContent::Experiment { experiment, distance: String::new(), reality: RealitySource::Function };
         let error = served(&content, &Batch::Population(Vec::new())).unwrap_err();
-        assert!(error.to_string().contains("is no name of a file in a payload"), "{error}");
+        assert!(error.to_string().contains("outside of its folder"), "{error}");
     }
     assert!(!outside.exists());
 }
