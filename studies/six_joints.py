@@ -226,8 +226,9 @@ def main() -> None:
             folder = (args.keep / str(seed)) if args.keep else Path(temporary)
             folder.mkdir(parents=True, exist_ok=True)
             truth = write_logs(folder, seed, args.seconds, args.rate)
-            for number, log in enumerate(("learn.csv", "held_out.csv") if args.glitches > 0.0 else ()):
-                damage(folder / log, 1000 * seed + number, args.glitches)
+            if args.glitches > 0.0:
+                for number, log in enumerate(("learn.csv", "held_out.csv")):
+                    damage(folder / log, 1000 * seed + number, args.glitches)
             words = ["diagnose", "arm.toml", "learn.csv", "--held-out", "held_out.csv", "-o", "found.toml"]
             (folder / "found.toml").unlink(missing_ok=True)
             answer, seconds, cpu, megabytes = ask(args.btr, folder, words)

@@ -24,7 +24,7 @@ pub struct NoiseEstimate {
 /// noise: squares scatter to the high side, the more so the fewer of a block's differences are independent.
 const ORDERS: [(usize, f64); 8] =
     [(3, 0.978), (4, 0.976), (5, 0.972), (6, 0.970), (7, 0.967), (8, 0.964), (9, 0.961), (10, 0.961)];
-/// By how many parts of the root of the number of readings an estimate may exceed the least one by chance.
+/// An estimate may exceed the least one by chance by this share, divided by the root of the number of readings.
 const CHANCE: f64 = 2.5;
 /// Differences in a block.
 const BLOCK: usize = 32;

@@ -20,8 +20,7 @@ type Search = fn(&[f64], &[f64]) -> Vec<Glitch>;
 pub fn find_glitches(log: &Log) -> Vec<GlitchReport> {
     let lost = lost_messages(log);
     let is_lost = |at: &GlitchReport| {
-        let holds = |of: &&GlitchReport| of.channel == at.channel && of.sample <= at.sample && at.end() <= of.end();
-        lost.iter().any(|of| holds(&of))
+        lost.iter().any(|of| of.channel == at.channel && of.sample <= at.sample && at.end() <= of.end())
     };
     let single =
         positions(log).map(|of| (of, glitches as Search)).chain(torques(log).map(|of| (of, torque_glitches as _)));

@@ -66,12 +66,6 @@ impl Bundle {
         failed.map_or(Ok(Bundle { name, text: document.to_string(), files, functions }), Err)
     }
 
-    /// A bundle of these files.
-    #[cfg(test)]
-    pub(super) fn holding(text: &str, files: Vec<(String, Vec<u8>)>) -> Self {
-        Bundle { name: PathBuf::from("model.toml"), text: text.to_owned(), files, functions: Vec::new() }
-    }
-
     /// Writes the files into a temporary folder while `open` runs.
     pub(super) fn unpacked<T>(
         &self,
@@ -119,15 +113,17 @@ mod tests {
         let outside = tempfile::tempdir().unwrap();
         let victim = outside.path().join("victim");
         let up = format!("../{}/victim", outside.path().file_name().unwrap().to_str().unwrap());
+        let holding = |name: &str, content: &[u8]| {
+            let files = vec![(name.to_owned(), content.to_vec())];
+            Bundle { name: "model.toml".into(), text: String::new(), files, functions: Vec::new() }
+        };
         for name in [victim.to_str().unwrap(), &up, "0/../../x", "", "."] {
-            let files = vec![(name.to_owned(), b"overwritten".to_vec())];
-            let bundle = Bundle { name: "model.toml".into(), text: String::new(), files, functions: Vec::new() };
+            let bundle = holding(name, b"overwritten");
             let opened = bundle.unpacked(&|_| Ok(Laws::default()), |_| Ok(()));
             assert!(opened.unwrap_err().to_string().contains("outside of its folder"), "{name}");
         }
         assert!(!victim.exists());
-        let files = vec![("0/arm.urdf".to_owned(), b"robot".to_vec())];
-        let bundle = Bundle { name: "model.toml".into(), text: String::new(), files, functions: Vec::new() };
+        let bundle = holding("0/arm.urdf", b"robot");
         let read = |source: Source| Ok(std::fs::read(source.folder().join("0/arm.urdf")).unwrap());
         assert_eq!(bundle.unpacked(&|_| Ok(Laws::default()), read).unwrap(), b"robot");
     }

@@ -74,18 +74,3 @@ fn candidates_are_about_scenarios_that_there_are() {
     assert!(ask(0).is_ok());
     assert!(is_mismatch(ask(1)));
 }
-
-#[test]
-fn nothing_is_written_outside_of_a_payloads_folder() {
-    let folder = tempfile::tempdir().unwrap();
-    let outside = folder.path().join("outside");
-    let names = [outside.to_string_lossy().into_owned(), "../btr-outside".to_owned()];
-    for name in names {
-        let experiment = Bundle::holding("", vec![(name, b"x".to_vec())]);
-        let content =
-            PayloadContent::Experiment { experiment, distance: String::new(), reality: RealitySource::Function };
-        let error = served(&content, &Batch::Population(Vec::new())).unwrap_err();
-        assert!(error.to_string().contains("outside of its folder"), "{error}");
-    }
-    assert!(!outside.exists());
-}

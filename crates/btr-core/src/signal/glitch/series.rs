@@ -1,4 +1,4 @@
-//! Runs of a position's readings that depart from what the readings around them predict.
+//! Runs of readings that depart from what the readings around them predict.
 
 use super::prediction::{is_same, lagrange};
 use crate::signal::stats::quantile;
@@ -239,8 +239,8 @@ impl Series {
     fn may_be_motion(&self, run: &Range<usize>, before: &[usize], after: &[usize]) -> bool {
         let (a, b) = (self.readings[before[SIDE - 1]], self.readings[after[0]]);
         let is_between = self.readings[run.clone()].iter().all(|x| (a.min(b)..=a.max(b)).contains(x));
-        let is_single = run.len() == 1 && self.goes_on(before, after);
-        is_between && !self.is_zero(run) && !self.gets_stuck(run) && !is_single
+        let is_on_the_way = run.len() == 1 && self.goes_on(before, after);
+        is_between && !self.is_zero(run) && !self.gets_stuck(run) && !is_on_the_way
     }
 
     /// Whether the readings move as fast before a run and after it as across it.

@@ -37,7 +37,8 @@ pub(super) struct Problem<'a> {
     pub(super) joint_parts: &'a Simulate<'a>,
 }
 
-/// What was simulated. It is not locked while something is simulated or added up: other threads go on meanwhile.
+/// What was simulated. Nothing is simulated while it is locked: a thread that waits for simulations may take over work
+/// that asks for what is known.
 #[derive(Default)]
 pub(super) struct Superposition {
     known: Mutex<Known>,
