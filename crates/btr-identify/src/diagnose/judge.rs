@@ -5,7 +5,7 @@ use super::refit::Rival;
 use super::report::{MissingEffect, RankedCandidate, RivalPoint};
 use super::state::{DiagnosisState, earns_its_parameters};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, INDISTINCT, LEARNT_FALL, TIE};
-use crate::fit::measure::{ComparisonMeasure, held_out_squares};
+use crate::fit::measure::{ComparisonMeasure, held_out_squares, judge};
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective};
 
@@ -46,6 +46,9 @@ pub(super) fn judge_rivals(
     rivals.sort_by(|a, b| measure.criterion(&a.fit).total_cmp(&measure.criterion(&b.fit)));
     let before = measure.criterion(&state.fit);
     let candidates = objective.candidates();
+    if state.held_out.is_some() {
+        judge(objective, &rivals.iter().map(|r| r.fit.u.as_slice()).collect::<Vec<_>>());
+    }
     let on_held_out = |r: &Rival| state.held_out.and_then(|_| held_out_squares(objective, &r.fit.u));
     let held_out: Vec<Option<f64>> = rivals.iter().map(on_held_out).collect();
     let ranked = |(r, squares): (&Rival, &Option<f64>)| RankedCandidate {

@@ -1,7 +1,7 @@
 //! Errors where a candidate acts. Where the motion is prescribed, what acts in a joint shows in that joint's torque
 //! alone: whether it explains enough is then a question about this channel, however much is left in others.
 
-use crate::fit::measure::residual_without_step_error;
+use crate::fit::measure;
 use crate::fit::residual_vector::{chi, squares};
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use std::ops::Range;
@@ -75,7 +75,7 @@ pub(super) fn learnt(objective: &Objective, candidate: usize, fit: &FitPoint) ->
 
 /// Sum of squares on the held-out logs; `None` where they cannot be simulated.
 pub(super) fn held_out(objective: &Objective, candidate: usize, u: &[f64]) -> Option<f64> {
-    let residual = residual_without_step_error(objective, u, LogSet::HeldOut)?;
+    let residual = measure::held_out(objective, u)?;
     Some(squares_of(objective, candidate, LogSet::HeldOut, &residual))
 }
 

@@ -5,6 +5,7 @@ use super::screen::{StartPoint, best, has_two_sides, simulate, simulate_worst, w
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget, columns};
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 
 /// Number of candidates that start the race, and of those that are fitted with the full budget whatever their rank,
 /// unless the best explains everything and they are behind it by more than this factor of the sum of squares. Those
@@ -105,7 +106,29 @@ fn of_size(objective: &Objective, base: &FitPoint, candidate: usize, size: f64) 
     StartPoint { candidate, base: 0, u, cost: f64::INFINITY }
 }
 
+/// Runs races: of the candidates that show in all channels, and, at once, of those of each joint.
 fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader: Option<&FitPoint>) -> Vec<Rival> {
+    let (apart, shared): (Vec<&StartPoint>, Vec<&StartPoint>) =
+        starts.iter().partition(|start| own::is_apart(objective, start.candidate));
+    let mut rivals = run_together(objective, bases, &shared, leader);
+    let of_joint = |joint: &&[String]| {
+        let here = apart.iter().copied().filter(|start| own::shows_in(objective, start.candidate, joint));
+        run_together(objective, bases, &here.collect::<Vec<_>>(), leader)
+    };
+    let joints = own::joints(objective, apart.iter().map(|start| start.candidate));
+    let points: Vec<&[f64]> = bases.iter().map(|base| base.u.as_slice()).collect();
+    rivals.extend(objective.around(&points, || joints.par_iter().flat_map_iter(of_joint).collect::<Vec<_>>()));
+    sort(&mut rivals);
+    rivals
+}
+
+/// A race of candidates that show in the same channels.
+fn run_together(
+    objective: &Objective,
+    bases: &[FitPoint],
+    starts: &[&StartPoint],
+    leader: Option<&FitPoint>,
+) -> Vec<Rival> {
     let started = starts.iter().filter_map(|start| begin(objective, &bases[start.base], start));
     let mut rivals: Vec<Rival> = started.collect();
     for rival in &mut rivals {
@@ -114,22 +137,17 @@ fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader:
     sort(&mut rivals);
     let mut polished: Vec<Rival> = Vec::new();
     for mut rival in rivals {
-        let against: Vec<&FitPoint> = polished
-            .iter()
-            .filter(|r| own::are_together(objective, r.candidate, rival.candidate))
-            .map(|r| &r.fit)
-            .collect();
         let left = |fit: &FitPoint| own::learnt(objective, rival.candidate, fit);
-        let best = against.iter().copied().chain(leader).map(left).fold(f64::INFINITY, f64::min);
+        let best = polished.iter().map(|r| &r.fit).chain(leader).map(left).fold(f64::INFINITY, f64::min);
         let explains = chi(best, own::samples(objective, rival.candidate)) <= objective.noise_bound();
         let most = match left(&rival.fit) / best {
             behind if behind <= CLOSE => MOST,
             behind if behind > BEATEN && explains => 0,
             _ => LEADERS,
         };
-        if against.len() < most {
+        if polished.len() < most {
             rival.fit.jacobian = None;
-            let budget = if against.is_empty() { LEADER } else { FOLLOWER };
+            let budget = if polished.is_empty() { LEADER } else { FOLLOWER };
             own::solve(objective, rival.candidate, &mut rival.fit, budget);
             // With contact every rollout is slow, and this rarely changes the order.
             if !objective.description.is_chaotic || left(&rival.fit) <= best {
@@ -138,7 +156,6 @@ fn run(objective: &Objective, bases: &[FitPoint], starts: &[StartPoint], leader:
             polished.push(rival);
         }
     }
-    sort(&mut polished);
     polished
 }
 
@@ -174,8 +191,8 @@ fn sort(rivals: &mut [Rival]) {
     rivals.sort_by(|a, b| a.fit.cost.total_cmp(&b.fit.cost));
 }
 
-/// A fit of base and candidate at the candidate's start: the base's Jacobian, with new columns for the candidate alone.
-/// `None` where that cannot be simulated: the candidate is skipped.
+/// A fit of base and candidate at the candidate's start: the base's Jacobian with new columns for the candidate alone,
+/// without those that do not adapt. `None` where that cannot be simulated: the candidate is skipped.
 fn begin(objective: &Objective, base: &FitPoint, start: &StartPoint) -> Option<Rival> {
     let candidate = &objective.candidates()[start.candidate];
     let mut fit = FitPoint::at(objective, with(base, candidate), start.u.clone(), &base.step_error).ok()?;
@@ -183,7 +200,10 @@ fn begin(objective: &Objective, base: &FitPoint, start: &StartPoint) -> Option<R
     let added = columns(objective, &fit.u, &parameters, &fit.residual, &fit.step_error);
     let known = base.jacobian.as_ref()?;
     let mut jacobian = DMatrix::zeros(known.nrows(), known.ncols() + added.len());
-    jacobian.columns_mut(0, known.ncols()).copy_from(known);
+    let adapts = own::adapting(objective, start.candidate);
+    for k in (0..known.ncols()).filter(|&k| adapts(base.active[k])) {
+        jacobian.column_mut(k).copy_from(&known.column(k));
+    }
     for (k, column) in added.iter().enumerate() {
         jacobian.column_mut(known.ncols() + k).copy_from_slice(column);
     }

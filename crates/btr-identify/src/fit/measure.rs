@@ -5,7 +5,9 @@ use super::objective::{LogSet, Objective};
 use super::residual_vector::{ResidualVector, channels, corrected, squares};
 use super::solve::FitPoint;
 use btr_core::signal::stats::autocorrelation_time;
+use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// The residual statistics of a comparison: taken from the best fit, and the same for all rivals.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,9 +26,10 @@ impl ComparisonMeasure {
     /// Takes the statistics from the best fit, or the last.
     pub fn of(objective: &Objective, best: &FitPoint) -> Self {
         let samples = objective.samples(LogSet::Learn) as f64;
-        let channels = if objective.description.is_decoupled { by_channel(objective, best) } else { Vec::new() };
+        let stretches = stretches(objective, best);
+        let channels = if objective.description.is_decoupled { by_channel(&stretches) } else { Vec::new() };
         let variance = (best.squares() / samples).max(1.0);
-        ComparisonMeasure { variance, memory: memory(objective, best), samples, channels }
+        ComparisonMeasure { variance, memory: memory(&stretches), samples, channels }
     }
 
     /// The criterion B: lower is better. Differences above ten are decisive.
@@ -55,50 +58,91 @@ impl ComparisonMeasure {
 /// Sum of squares at a point on the held-out logs, without the integrator's error as far as that is known; `None`
 /// where they cannot be simulated there.
 pub(crate) fn held_out_squares(objective: &Objective, u: &[f64]) -> Option<f64> {
-    residual_without_step_error(objective, u, LogSet::HeldOut).map(|residual| squares(&residual))
+    held_out(objective, u).map(|residual| squares(&residual))
 }
 
-/// The residual at a point, without the integrator's error where that makes it smaller; `None` where it cannot be
+/// The same as a residual. Points are judged again and again, so the latest ones are kept.
+pub(crate) fn held_out(objective: &Objective, u: &[f64]) -> Option<Arc<ResidualVector>> {
+    objective.judged().get(u).or_else(|| {
+        judge(objective, &[u]);
+        objective.judged().get(u)
+    })
+}
+
+/// Simulates the held-out logs at points at once, for what is asked of them next.
+pub(crate) fn judge(objective: &Objective, points: &[&[f64]]) {
+    let unknown: Vec<&[f64]> = points.iter().copied().filter(|u| objective.judged().get(u).is_none()).collect();
+    let residuals = without_step_error(objective, &unknown, LogSet::HeldOut);
+    objective.judged().keep(unknown.iter().zip(residuals).filter_map(|(u, residual)| Some((*u, residual?))));
+}
+
+/// The residuals at points, without the integrator's error where that makes them smaller; `None` where one cannot be
 /// simulated.
-pub(crate) fn residual_without_step_error(objective: &Objective, u: &[f64], logs: LogSet) -> Option<ResidualVector> {
-    let residual = objective.residual(u, logs).ok()?;
+pub(crate) fn without_step_error(
+    objective: &Objective,
+    points: &[&[f64]],
+    logs: LogSet,
+) -> Vec<Option<ResidualVector>> {
+    let points: Vec<Vec<f64>> = points.iter().map(|u| u.to_vec()).collect();
+    let residuals = objective.residuals(&points, logs).into_iter().map(Result::ok);
     if objective.description.is_chaotic {
-        return Some(residual);
+        return residuals.collect();
     }
-    let error = objective.step_error(u, &residual, logs);
-    let without = corrected(residual.clone(), &error);
-    Some(if squares(&without) < squares(&residual) { without } else { residual })
+    let simulated: Vec<(Vec<f64>, Option<ResidualVector>)> = points.into_iter().zip(residuals).collect();
+    let known = simulated.iter().filter(|(_, residual)| residual.is_some()).map(|(u, _)| u.clone());
+    let mut halved = objective.all_halved(&known.collect::<Vec<_>>(), logs).into_iter();
+    let smaller = |residual: ResidualVector, halved: Result<ResidualVector, _>| {
+        let Ok(halved) = halved else { return residual };
+        let without = corrected(residual.clone(), &objective.beyond(&residual, &halved));
+        if squares(&without) < squares(&residual) { without } else { residual }
+    };
+    let each = simulated.into_iter().map(|(_, residual)| Some(smaller(residual?, halved.next()?)));
+    each.collect()
+}
+
+/// A channel of a training log in the residual.
+struct Stretch<'a> {
+    channel: &'a str,
+    rows: Range<usize>,
+    squares: f64,
+    /// Integrated autocorrelation time in samples.
+    time: f64,
+}
+
+/// The channels of all training logs.
+fn stretches<'a>(objective: &'a Objective, fit: &FitPoint) -> Vec<Stretch<'a>> {
+    let logs = || objective.logs(LogSet::Learn).iter().map(|&log| &objective.description.logs[log]);
+    let names = logs().flat_map(|log| &log.channels).map(|channel| channel.name.as_str());
+    let named: Vec<(&str, Range<usize>)> = names.zip(channels(logs())).collect();
+    let stretch = |(channel, rows): (&'a str, Range<usize>)| {
+        let series = &fit.residual[rows.clone()];
+        Stretch { channel, squares: squares(series), time: autocorrelation_time(series), rows }
+    };
+    named.into_par_iter().map(stretch).collect()
 }
 
 /// For each channel its rows in all training logs, and the variance of the residual there, at least 1, times its
 /// memory: what is missing in one must not count less because more is missing in another.
-fn by_channel(objective: &Objective, fit: &FitPoint) -> Vec<(Vec<Range<usize>>, f64)> {
-    let logs = || objective.logs(LogSet::Learn).iter().map(|&log| &objective.description.logs[log]);
-    let mut names: Vec<&String> = logs().flat_map(|log| &log.channels).map(|channel| &channel.name).collect();
-    names.sort();
+fn by_channel(stretches: &[Stretch]) -> Vec<(Vec<Range<usize>>, f64)> {
+    let mut names: Vec<&str> = stretches.iter().map(|stretch| stretch.channel).collect();
+    names.sort_unstable();
     names.dedup();
-    let of_channel = |name: &String| {
-        let rows = objective.rows_near(LogSet::Learn, std::slice::from_ref(name));
-        let samples: usize = rows.iter().map(Range::len).sum();
-        let squared: Vec<f64> = rows.iter().map(|rows| squares(&fit.residual[rows.clone()])).collect();
-        let whole: f64 = squared.iter().sum();
-        let times = rows.iter().map(|rows| autocorrelation_time(&fit.residual[rows.clone()]));
-        let weighted: f64 = times.zip(&squared).map(|(time, squares)| time * squares).sum();
-        let memory = if whole > 0.0 { weighted / whole } else { 1.0 };
-        (rows, (whole / samples.max(1) as f64).max(1.0) * memory)
+    let of_channel = |name: &str| {
+        let of_logs = || stretches.iter().filter(move |stretch| stretch.channel == name);
+        let samples: usize = of_logs().map(|stretch| stretch.rows.len()).sum();
+        let whole: f64 = of_logs().map(|stretch| stretch.squares).sum();
+        let rows = of_logs().map(|stretch| stretch.rows.clone()).collect();
+        (rows, (whole / samples.max(1) as f64).max(1.0) * memory(of_logs()))
     };
     names.into_iter().map(of_channel).collect()
 }
 
 /// Integrated autocorrelation time of the residual in samples, averaged over channels by their squares; at least 1.
-fn memory(objective: &Objective, fit: &FitPoint) -> f64 {
-    let logs = objective.logs(LogSet::Learn).iter().map(|&log| &objective.description.logs[log]);
+fn memory<'a>(stretches: impl IntoIterator<Item = &'a Stretch<'a>>) -> f64 {
     let (mut weighted, mut weight) = (0.0, 0.0);
-    for rows in channels(logs) {
-        let series = &fit.residual[rows];
-        let squares = squares(series);
-        weighted += squares * autocorrelation_time(series);
-        weight += squares;
+    for stretch in stretches {
+        weighted += stretch.squares * stretch.time;
+        weight += stretch.squares;
     }
     if weight > 0.0 { weighted / weight } else { 1.0 }
 }

@@ -1,6 +1,6 @@
 //! The error that is left, channel by channel: in units, in noise floors, and in repeatability.
 
-use super::measure::residual_without_step_error;
+use super::measure::without_step_error;
 use super::objective::{LogSet, Objective};
 use super::residual_vector::{channels, squares};
 use crate::residual_model::NOISE;
@@ -61,7 +61,7 @@ struct ChannelSum {
 /// The remaining error of each channel at a point; empty where that cannot be simulated.
 pub(crate) fn remaining(objective: &Objective, u: &[f64]) -> Vec<RemainingError> {
     let set = if objective.logs(LogSet::HeldOut).is_empty() { LogSet::Learn } else { LogSet::HeldOut };
-    let Some(residual) = residual_without_step_error(objective, u, set) else { return Vec::new() };
+    let Some(residual) = without_step_error(objective, &[u], set).pop().flatten() else { return Vec::new() };
     let logs = || objective.logs(set).iter().map(|&log| &objective.description.logs[log]);
     let mut sums: IndexMap<&str, ChannelSum> = IndexMap::new();
     for (rows, channel) in channels(logs()).into_iter().zip(logs().flat_map(|log| &log.channels)) {

@@ -64,6 +64,15 @@ pub struct FitPoint {
     pub fresh: bool,
 }
 
+/// The point after a step.
+struct Trial {
+    u: Vec<f64>,
+    /// The change of each active parameter.
+    moved: DVector<f64>,
+    residual: ResidualVector,
+    cost: f64,
+}
+
 impl FitPoint {
     /// A fit at a point; without a `step_error`, none is assumed.
     ///
@@ -156,13 +165,13 @@ impl FitPoint {
                 self.differentiate(objective);
                 (spent, cost_at_jacobian, damping) = (spent + 1, self.cost, start);
             }
-            let Some(next) = self.step(objective, damping) else {
+            let Some(trial) = self.step(objective, damping) else {
                 return if self.fresh { FitStop::Converged } else { FitStop::Stuck };
             };
-            let fall = self.cost - next.cost;
+            let fall = self.cost - trial.cost;
             let stalled = fall < STALL.0 * self.cost || fall < STALL.1;
             if fall > 0.0 {
-                *self = next;
+                self.go_to(objective, trial);
                 damping *= better;
             } else {
                 damping *= worse;
@@ -196,9 +205,9 @@ impl FitPoint {
         self.solve(objective, SearchBudget { jacobians: 0, steps: 8 });
     }
 
-    /// The point after a damped step, with the Jacobian updated; `None` without a nonzero step. A point that cannot be
-    /// simulated has an infinite cost.
-    fn step(&self, objective: &Objective, damping: f64) -> Option<FitPoint> {
+    /// The point after a damped step; `None` without a nonzero step. A point that cannot be simulated has an infinite
+    /// cost, so that the caller increases the damping.
+    fn step(&self, objective: &Objective, damping: f64) -> Option<Trial> {
         let parameters = objective.parameters();
         let jacobian = self.jacobian.as_ref()?;
         let step = self.direction(parameters, &self.quadratic_model(objective, jacobian), damping)?;
@@ -214,19 +223,21 @@ impl FitPoint {
             return None;
         }
         let Ok(residual) = objective.residual(&u, LogSet::Learn) else {
-            // A simulation that diverges has an infinite cost, so that the caller increases the damping.
-            return Some(FitPoint { cost: f64::INFINITY, ..self.clone() });
+            return Some(Trial { u, moved, residual: Vec::new(), cost: f64::INFINITY });
         };
         let residual = corrected(residual, &self.step_error);
         let cost = cost(parameters, &self.active, &u, &residual);
-        let mut next = FitPoint { u, residual, cost, jacobian: None, fresh: false, ..self.clone() };
-        let change =
-            DVector::from_iterator(next.residual.len(), next.residual.iter().zip(&self.residual).map(|(a, b)| a - b));
-        let difference = change - jacobian * &moved;
-        let mut updated = jacobian.clone();
-        blocks::update(&mut updated, &difference, &moved, &objective.blocks(&self.active));
-        next.jacobian = Some(updated);
-        Some(next)
+        Some(Trial { u, moved, residual, cost })
+    }
+
+    /// Goes to the point after a step, and updates the Jacobian.
+    fn go_to(&mut self, objective: &Objective, Trial { u, moved, residual, cost }: Trial) {
+        if let Some(jacobian) = &mut self.jacobian {
+            let change = residual.iter().zip(&self.residual).map(|(a, b)| a - b);
+            let difference = DVector::from_iterator(residual.len(), change) - &*jacobian * &moved;
+            blocks::update(jacobian, &difference, &moved, &objective.blocks(&self.active));
+        }
+        (self.u, self.residual, self.cost, self.fresh) = (u, residual, cost, false);
     }
 
     /// The damped Gauss-Newton step in the parameters that are not held at a bound. A parameter is held where the
@@ -249,9 +260,9 @@ impl FitPoint {
 
     /// The local quadratic model of half the cost.
     pub(crate) fn quadratic_model(&self, objective: &Objective, jacobian: &DMatrix<f64>) -> QuadraticModel {
-        let blocks = objective.blocks(&self.active);
         let residual = DVector::from_column_slice(&self.residual);
-        let (curvature, gradient) = (blocks::curvature(jacobian, &blocks), jacobian.tr_mul(&residual));
+        let curvature = objective.curvature(jacobian, objective.logs(LogSet::Learn), &self.active);
+        let gradient = jacobian.tr_mul(&residual);
         self.with_priors(objective.parameters(), curvature, gradient)
     }
 

@@ -20,6 +20,8 @@ pub struct Replay {
     clock_s: Vec<f64>,
     /// Tolerance of the time stamps for rounding, in s.
     rounded_s: f64,
+    /// Mean rate of the clock; 0 without any.
+    rate_hz: f64,
     commands: Vec<Option<Vec<f64>>>,
     torque_on: Option<Vec<f64>>,
     /// Smoothed measured motions of the prescribed joints.
@@ -43,7 +45,9 @@ impl Replay {
         let start_s = log.clock_s().first().copied().unwrap_or(0.0);
         let motions: Vec<_> = robot.movable().map(|(_, link)| followed(link)).collect();
         let clock_s: Vec<f64> = log.clock_s().iter().map(|t| t - start_s).collect();
+        let long_s = clock_s.last().copied().unwrap_or(0.0);
         Replay {
+            rate_hz: if long_s > 0.0 { clock_s.len().saturating_sub(1) as f64 / long_s } else { 0.0 },
             smoother: motions.iter().any(Option::is_some).then(|| Smoother::new(&clock_s)),
             clock_s,
             rounded_s: ROUNDED * log.usual_step_s().unwrap_or(0.0),
@@ -77,9 +81,16 @@ impl Replay {
         self.smoother.as_ref().map_or_else(|| torques.to_vec(), |smoother| smoother.smoothed(torques))
     }
 
-    /// Index of the sample that is held at a time.
+    /// Index of the sample that is held at a time. On an even clock it is the expected one, or the one before.
     fn held(&self, time_s: f64) -> usize {
-        self.clock_s.partition_point(|&t| t <= time_s + self.rounded_s).saturating_sub(1)
+        let time_s = time_s + self.rounded_s;
+        let is_held = |&i: &usize| {
+            let until = |&next_s: &f64| time_s < next_s;
+            self.clock_s.get(i).is_some_and(|&since_s| since_s <= time_s) && self.clock_s.get(i + 1).is_none_or(until)
+        };
+        let expected = (time_s * self.rate_hz) as usize;
+        let near = [expected, expected.wrapping_sub(1)].into_iter().find(is_held);
+        near.unwrap_or_else(|| self.clock_s.partition_point(|&t| t <= time_s).saturating_sub(1))
     }
 
     /// Command of a joint at a sample; NaN while torque is off.

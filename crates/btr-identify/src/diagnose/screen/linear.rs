@@ -4,7 +4,7 @@
 use super::onset::{Onsets, WITHIN};
 use super::start_point::{ProbeSizes, StartPoint, has_two_sides, with};
 use crate::diagnose::own;
-use crate::fit::{FitPoint, Objective, corrected, rows_near, shared};
+use crate::fit::{FitPoint, Objective, rows_near, shared};
 use crate::residual_model::Parametrisation;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -71,7 +71,7 @@ impl NormalSystem {
 impl<'a> BasePoint<'a> {
     pub(super) fn new(objective: &Objective, index: usize, fit: &'a FitPoint, logs: Vec<usize>) -> Option<Self> {
         let jacobian = fit.jacobian.as_ref()?;
-        let mut normal = jacobian.tr_mul(jacobian);
+        let mut normal = objective.curvature(jacobian, &logs, &fit.active);
         let mut gradient = jacobian.tr_mul(&DVector::from_column_slice(&fit.residual));
         let mut held = Vec::new();
         for (k, &index) in fit.active.iter().enumerate() {
@@ -226,10 +226,11 @@ impl<'a> BasePoint<'a> {
         for batch in probes.chunks(BATCH) {
             let points: Vec<Vec<f64>> = batch.iter().map(|probe| self.point(objective, &[probe])).collect();
             let residuals = objective.residuals_of(&points, &self.logs);
-            for ((probe, point), residual) in batch.iter().zip(&points).zip(residuals) {
-                let size = point[probe.amplitude];
-                columns.push(residual.ok().map(|residual| self.column(residual, size)));
-            }
+            let column = |(k, probe): (usize, &Probe)| {
+                let residual = residuals[k].as_ref().ok()?;
+                Some(self.column(objective, residual, points[k][probe.amplitude], &[]))
+            };
+            columns.par_extend(batch.par_iter().enumerate().map(column));
         }
         columns
     }
@@ -246,37 +247,29 @@ impl<'a> BasePoint<'a> {
             };
             let points: Vec<Vec<f64>> = batch.iter().map(point).collect();
             let residuals = objective.residuals_of(&points, &self.logs);
-            for ((group, point), residual) in batch.iter().zip(&points).zip(residuals) {
-                let Ok(residual) = residual else { continue };
-                for &i in group {
-                    let column = self.column(residual.clone(), point[probes[i].amplitude]);
-                    columns[i] = Some(self.only_near(objective, column, near(probes[i])));
-                }
-            }
+            let of_group = |(k, group): (usize, &Vec<usize>)| {
+                let residual = residuals[k].as_ref().ok()?;
+                let column =
+                    |&i: &usize| self.column(objective, residual, points[k][probes[i].amplitude], near(probes[i]));
+                Some(group.iter().copied().zip(group.iter().map(column)).collect::<Vec<_>>())
+            };
+            let found: Vec<_> = batch.par_iter().enumerate().filter_map(of_group).collect();
+            found.into_iter().flatten().for_each(|(i, column)| columns[i] = Some(column));
         }
         columns
     }
 
-    /// The difference of a residual from the base's, per unit of an amplitude of this size.
-    fn column(&self, residual: Vec<f64>, size: f64) -> DVector<f64> {
-        let after = corrected(residual, &self.fit.step_error);
-        let change = after.iter().zip(&self.fit.residual).map(|(a, b)| (a - b) / size);
-        DVector::from_iterator(after.len(), change)
-    }
-
-    /// A column with all rows of other channels set to zero.
-    fn only_near(&self, objective: &Objective, column: DVector<f64>, near: &[String]) -> DVector<f64> {
-        if near.is_empty() {
-            return column;
-        }
-        let (mut only, mut first) = (DVector::zeros(column.len()), 0);
+    /// The difference of a residual from the base's, per unit of an amplitude of this size; zero in other channels than
+    /// those that are `near`, unless these are none.
+    fn column(&self, objective: &Objective, residual: &[f64], size: f64, near: &[String]) -> DVector<f64> {
+        let (mut column, mut first) = (DVector::zeros(residual.len()), 0);
         for log in self.logs.iter().map(|&log| &objective.description.logs[log]) {
-            for row in rows_near(log, near).into_iter().flatten() {
-                only[first + row] = column[first + row];
+            for row in rows_near(log, near).into_iter().flatten().map(|row| first + row) {
+                column[row] = (residual[row] + self.fit.step_error[row] - self.fit.residual[row]) / size;
             }
             first += log.rows();
         }
-        only
+        column
     }
 
     /// The best amplitudes, and the response of the base's parameters, in the linear model of a group of probes.

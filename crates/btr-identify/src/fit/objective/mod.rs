@@ -1,9 +1,11 @@
 //! Evaluation of a residual model: many points and logs at once, with a count of rollouts.
 
 pub(super) mod blocks;
+mod judged;
 mod superposition;
 
 use self::blocks::{Block, OwnChannels};
+use self::judged::Judged;
 use self::superposition::{Problem, Superposition};
 use super::residual_vector::{ResidualVector, squares};
 use super::rollouts::{Answer, each, rows_near, shared};
@@ -14,6 +16,7 @@ use crate::residual_model::{
     TimeStep,
 };
 use btr_core::world::{Cancelled, WorldError};
+use nalgebra::DMatrix;
 use std::iter::{once, once_with};
 use std::ops::Range;
 use std::sync::Arc;
@@ -36,6 +39,7 @@ pub struct Objective<'a> {
     starts: StartStates,
     step: TimeStep,
     superposition: Superposition,
+    judged: Judged,
     own_channels: OwnChannels,
     rollouts: AtomicUsize,
     stop_signal: Option<StopSignal>,
@@ -83,8 +87,18 @@ impl<'a> Objective<'a> {
 
     /// The blocks of the training logs' Jacobian with respect to some parameters; none where it is dense.
     pub(super) fn blocks(&self, active: &[usize]) -> Vec<Block> {
-        let logs: Vec<&RecordedLog> = self.learn.iter().map(|&log| &self.description.logs[log]).collect();
+        self.blocks_of(&self.learn, active)
+    }
+
+    /// The same of some logs.
+    fn blocks_of(&self, logs: &[usize], active: &[usize]) -> Vec<Block> {
+        let logs: Vec<&RecordedLog> = logs.iter().map(|&log| &self.description.logs[log]).collect();
         self.own_channels.blocks(&logs, active)
+    }
+
+    /// JᵀJ of a Jacobian of the residual of some logs.
+    pub(crate) fn curvature(&self, jacobian: &DMatrix<f64>, logs: &[usize], active: &[usize]) -> DMatrix<f64> {
+        blocks::curvature(jacobian, &self.blocks_of(logs, active))
     }
 
     /// Residuals with each of some parameters moved, those of different joints of a prescribed motion in one rollout;
@@ -125,6 +139,7 @@ impl<'a> Objective<'a> {
         Objective {
             model,
             superposition: Superposition::default(),
+            judged: Judged::default(),
             own_channels: OwnChannels::new(&description),
             description,
             learn,
@@ -199,7 +214,7 @@ impl<'a> Objective<'a> {
         let finer = finer_step(self.step, once(learn).chain(once_with(|| held_out(self))));
         if let Some(finer) = finer {
             // What was simulated in longer steps counts no more.
-            (self.step, self.superposition) = (finer, Superposition::default());
+            (self.step, self.superposition, self.judged) = (finer, Superposition::default(), Judged::default());
         }
         finer.is_some()
     }
@@ -345,8 +360,30 @@ impl<'a> Objective<'a> {
 
     /// The residual at one point with half the step.
     pub(super) fn halved(&self, point: &[f64], logs: LogSet) -> Result<ResidualVector, WorldError> {
-        let mut residuals = self.in_steps(&[point.to_vec()], self.logs(logs), self.step().halved());
-        residuals.pop().unwrap_or_else(|| Ok(Vec::new()))
+        self.all_halved(&[point.to_vec()], logs).pop().unwrap_or_else(|| Ok(Vec::new()))
+    }
+
+    /// The same at several points, in parallel.
+    pub(super) fn all_halved(&self, points: &[Vec<f64>], logs: LogSet) -> Vec<Result<ResidualVector, WorldError>> {
+        self.in_steps(points, self.logs(logs), self.step().halved())
+    }
+
+    /// Does work at once on what shows in different channels, around points. What these have in common is simulated
+    /// before that and kept, so that nothing is simulated twice, and counted twice, in some runs and not in others.
+    pub(crate) fn around<T>(&self, points: &[&[f64]], work: impl FnOnce() -> T) -> T {
+        if self.description.joint_laws.is_empty() {
+            return work();
+        }
+        self.superposition.keep_all(true);
+        points.iter().for_each(|u| drop(self.residual(u, LogSet::Learn)));
+        let done = work();
+        self.superposition.keep_all(false);
+        done
+    }
+
+    /// What the held-out logs said of points lately.
+    pub(super) fn judged(&self) -> &Judged {
+        &self.judged
     }
 
     /// What the integrator's error adds to the residual at a point. Zero where the simulation diverges with half the

@@ -52,6 +52,8 @@ struct Known {
     inertias: HashMap<usize, InertiaResponse>,
     /// For each log, the last change by the links' parameters: what acts in joints is often varied beside them.
     links: HashMap<usize, (Vec<f64>, Arc<Vec<f64>>)>,
+    /// Whether nothing may be forgotten.
+    keeps_all: bool,
 }
 
 /// Some of what is known.
@@ -70,6 +72,13 @@ impl Superposition {
             sum(problem, &found, part, of_links.as_ref().map(|change| change.as_slice()))
         };
         parts.par_iter().zip(&of_links).map(sum).collect()
+    }
+
+    /// Lets all be kept, or no longer.
+    pub(super) fn keep_all(&self, keeps_all: bool) {
+        let mut known = self.lock();
+        known.forget();
+        known.keeps_all = keeps_all;
     }
 
     fn lock(&self) -> MutexGuard<'_, Known> {
@@ -161,7 +170,7 @@ impl Superposition {
 impl Known {
     /// Forgets what was simulated where it has become too much.
     fn forget(&mut self) {
-        if self.kept.values().flatten().map(|numbers| numbers.len()).sum::<usize>() > MOST_KEPT {
+        if !self.keeps_all && self.kept.values().flatten().map(|numbers| numbers.len()).sum::<usize>() > MOST_KEPT {
             self.kept.clear();
         }
     }
