@@ -85,11 +85,13 @@ mod tests {
     use crate::coevolve::estimation::Posterior;
     use crate::coevolve::fixture::{Toy, ToyRobot, estimating, whitened};
     use crate::coevolve::history::StopReason;
+    use crate::coevolve::run::fits;
     use nalgebra::{DMatrix, DVector};
 
-    /// Steps until it stops.
+    /// Steps until it stops. Each state on the way is one to resume from.
     fn stopped(run: &mut Coevolution, on: &mut Environment<'_>) -> StopReason {
         loop {
+            assert_eq!(fits::check(&run.state, &run.plan, on.simulator), Ok(()));
             if let StepOutcome::Stopped(reason) = run.step(on).unwrap() {
                 return reason;
             }
