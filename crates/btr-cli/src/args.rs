@@ -1,6 +1,8 @@
 //! The command line's arguments.
 
 use btr_lab::experiment::DamagedLogs;
+use btr_lab::export::{FORMATS, Format};
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Args as ClapArgs, CommandFactory, Error, Parser, Subcommand};
 use clap_complete::Shell;
@@ -127,6 +129,14 @@ pub(crate) enum Verb {
         after_help = "Example:\n  btr fit arm.toml monday.mcap --add coulomb_friction@elbow -o fitted.toml --report fit.html"
     )]
     Fit(FitArgs),
+    /// Write what a model says into files of other simulators
+    #[command(after_help = "Examples:\n  btr export fitted.toml robot.xml --to mujoco -o robot_fitted.xml\n  \
+        btr export fitted.toml --to urdf -o robot_fitted.urdf\n  \
+        btr export fitted.toml --to isaac-lab -o actuators.py\n  \
+        btr export fitted.toml --to ros2 -o joint_limits.yaml\n\n\
+        A file that is changed keeps its comments and its layout. What a format cannot say is told, and its effects\n\
+        are written as JSON beside the output (OUT.effects.json).")]
+    Export(ExportArgs),
     /// List the physical effects, or describe one
     #[command(after_help = "Example:\n  btr effects coulomb_friction")]
     Effects {
@@ -310,6 +320,23 @@ pub(crate) struct AddArgs {
 }
 
 #[derive(ClapArgs)]
+pub(crate) struct ExportArgs {
+    /// The model (TOML), fitted or not
+    pub(crate) model: PathBuf,
+    /// Your robot's file that is to be changed: MJCF or URDF [default: the model's URDF, for `--to urdf`]
+    pub(crate) robot: Option<PathBuf>,
+    /// The format
+    #[arg(long, value_name = "FORMAT", value_parser = formats())]
+    pub(crate) to: String,
+    /// Physics step of the other simulator, in which Isaac Lab counts delays
+    #[arg(long, value_name = "SECONDS", default_value = "0.005", value_parser = seconds)]
+    pub(crate) step: Duration,
+    /// Where to write
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) output: PathBuf,
+}
+
+#[derive(ClapArgs)]
 pub(crate) struct FitArgs {
     #[command(flatten)]
     pub(crate) logs_args: LogArgs,
@@ -323,6 +350,11 @@ pub(crate) struct FitArgs {
     /// Where to write the fitted model
     #[arg(short, long, value_name = "MODEL")]
     pub(crate) output: Option<PathBuf>,
+}
+
+fn formats() -> PossibleValuesParser {
+    let value = |format: &Format| PossibleValue::new(format.name).help(format.what);
+    PossibleValuesParser::new(FORMATS.iter().map(value))
 }
 
 /// A time that is longer than nothing.

@@ -59,6 +59,7 @@ fn answer(args: &Args) -> Result<u8, Failure> {
         Verb::Diagnose(diagnose) => cmd::diagnose::run(diagnose, &args.global),
         Verb::Add(add) => cmd::add::run(add, &args.global),
         Verb::Fit(fit) => cmd::fit::run(fit, &args.global),
+        Verb::Export(export) => cmd::export::run(export, &args.global),
         Verb::Effects { name } => cmd::effects::run(name.as_deref(), &args.global),
         Verb::Info { log } => cmd::info::run(log.as_deref(), &args.global),
         Verb::Convert { from, to } => cmd::convert::run(from, to, &args.global),

@@ -4,6 +4,7 @@
 pub mod distributed;
 pub mod execution;
 pub mod experiment;
+pub mod export;
 pub mod failure;
 pub mod identification;
 mod log_quality;

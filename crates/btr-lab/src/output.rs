@@ -18,6 +18,8 @@ pub enum OutputKind {
     Report,
     /// A log.
     Log(Overwrite),
+    /// A file of another program, whose name ends in one of these.
+    Foreign(&'static [&'static str]),
 }
 
 /// Which logs another one may overwrite.
@@ -77,8 +79,9 @@ impl OutputFile<'_> {
             return Err(refused(format!("{name} is an input and would be overwritten")));
         }
         match self.kind {
-            OutputKind::Model => self.ends_in("toml", "a model"),
-            OutputKind::Report => self.ends_in("html", "a report"),
+            OutputKind::Model => self.ends_in(&["toml"], "a model"),
+            OutputKind::Foreign(endings) => self.ends_in(endings, "the output"),
+            OutputKind::Report => self.ends_in(&["html"], "a report"),
             OutputKind::Log(overwrite) => {
                 btr_io::can_write_log(self.path).map_err(|error| unwritable(&error))?;
                 if overwrite == Overwrite::Commands && self.path.exists() && !holds_commands_alone(self.path) {
@@ -89,9 +92,10 @@ impl OutputFile<'_> {
         }
     }
 
-    fn ends_in(&self, ending: &str, what: &str) -> Result<(), Failure> {
-        if self.path.extension().is_none_or(|extension| extension != ending) {
-            return Err(refused(format!("{}: the name of {what} must end in .{ending}", self.path.display())));
+    fn ends_in(&self, endings: &[&str], what: &str) -> Result<(), Failure> {
+        if !endings.iter().any(|ending| self.path.extension().is_some_and(|extension| extension == *ending)) {
+            let endings = endings.join(" or .");
+            return Err(refused(format!("{}: the name of {what} must end in .{endings}", self.path.display())));
         }
         let written = btr_io::can_write(self.path);
         written.map_err(|source| unwritable(&IoError::File { path: self.path.to_owned(), source }))

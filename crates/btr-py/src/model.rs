@@ -10,6 +10,7 @@ use btr_io::{IoError, write_whole};
 use btr_lab::execution::ExecutionContext;
 use btr_lab::experiment;
 use btr_lab::experiment::{LogSource, Source};
+use btr_lab::export;
 use btr_lab::model_text::{at, moved};
 use btr_lab::verbs;
 use btr_lab::verbs::{Addition, OwnLaw, OwnNumber};
@@ -20,6 +21,9 @@ use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
+
+/// See `Exported`.
+type ExportedParts = (String, Vec<String>, Vec<String>, Option<String>);
 
 /// A robot's model: the text of its file, and where relative paths in it begin.
 #[pyclass(frozen, module = "btr", name = "Model")]
@@ -109,6 +113,21 @@ impl Model {
         let space = if of_controllers { self.built.controllers() } else { self.built.simulations() };
         let place = |name: &String| space.index_of(name).ok_or_else(|| unknown(name, space, what));
         names.iter().map(place).collect()
+    }
+
+    /// What the model says, in a format of another simulator: the text, what it says, what it does not, and the effects
+    /// that are left, as JSON.
+    #[pyo3(signature = (to, robot, step_s))]
+    fn export(&self, py: Python<'_>, to: &str, robot: Option<PathBuf>, step_s: f64) -> PyResult<ExportedParts> {
+        let format = export::FORMATS.iter().find(|format| format.name == to).ok_or_else(|| {
+            let known: Vec<&str> = export::FORMATS.iter().map(|format| format.name).collect();
+            raised(format!("no format `{to}`"), Some(format!("formats: {}", known.join(", ")).into()))
+        })?;
+        if !(step_s > 0.0 && step_s.is_finite()) {
+            return Err(raised(format!("a step of {step_s} s"), Some("give a number of seconds above 0".into())));
+        }
+        let exported = py.detach(|| export::export(&self.source, format, robot, step_s)).map_err(Raise::raise)?;
+        Ok((exported.text, exported.carried, exported.left, exported.effects))
     }
 
     /// Writes the model file, whole or not at all; the files that it names are found from there.

@@ -8,6 +8,7 @@ pub(crate) mod compare;
 pub(crate) mod convert;
 pub(crate) mod diagnose;
 pub(crate) mod effects;
+pub(crate) mod export;
 pub(crate) mod fit;
 pub(crate) mod generated;
 pub(crate) mod info;

@@ -10,6 +10,7 @@ mod damaged;
 mod determinism;
 mod disengage;
 mod doubts;
+mod export;
 mod freeze;
 mod glitches;
 mod integrity;

@@ -167,6 +167,7 @@ fn every_verb_has_help_with_an_example() {
         "diagnose",
         "add",
         "fit",
+        "export",
         "effects",
         "info",
         "convert",

@@ -2,6 +2,7 @@
 //! searches use.
 
 pub mod parameter;
+mod outline;
 mod request;
 mod rollouts;
 mod standard;
@@ -21,6 +22,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use task::Fitness;
 
+pub use outline::Outline;
 pub use request::ModelRequest;
 
 /// A scenario: the conditions of one rollout.

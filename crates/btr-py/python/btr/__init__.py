@@ -13,11 +13,12 @@ on all cores without holding Python's lock; with laws that are functions (`Model
 (`btr.executors`).
 """
 
-from btr import distance, documents, executors, search
+from btr import distance, documents, executors, mujoco, search
 from btr._btr import BtrError, Log, TestFailed, __version__
 from btr.coevolution import coevolve
 from btr.controller import Controller
 from btr.documents import Iteration
+from btr.exported import Exported
 from btr.logs import load_log
 from btr.model import Model, load_model
 from btr.results import CheckResult, CoevolveResult, CompareResult, DiagnoseResult, EffectsResult, FitResult
@@ -31,6 +32,7 @@ __all__ = [
     "Controller",
     "DiagnoseResult",
     "EffectsResult",
+    "Exported",
     "FitResult",
     "Iteration",
     "Log",
@@ -49,5 +51,6 @@ __all__ = [
     "fit",
     "load_log",
     "load_model",
+    "mujoco",
     "search",
 ]

@@ -110,6 +110,9 @@ class Model:
     def with_law(
         self, law: str, site: str, on: str, numbers: Sequence[tuple[str, float | tuple[float, float]]]
     ) -> str: ...
+    def export(
+        self, to: str, robot: str | PathLike[str] | None, step_s: float
+    ) -> tuple[str, list[str], list[str], str | None]: ...
     def save(self, path: str | PathLike[str]) -> None: ...
 
 @final

@@ -20,6 +20,7 @@ from btr._points import Points, rollouts_in, rows_of, table_of
 from btr._sources import LogLike, given
 from btr.controller import Controller
 from btr.documents import Dimension
+from btr.exported import Exported
 
 
 class Model:
@@ -173,6 +174,16 @@ class Model:
     def _with_text(self, text: str) -> Model:
         """A model of another text with the same path and the same functions."""
         return Model(text, self.path, self._laws)
+
+    def export(
+        self, to: str, robot: str | os.PathLike[str] | None = None, *, step_s: float = 0.005
+    ) -> Exported:
+        """What the model says, in a format of another simulator: `"mujoco"`, `"urdf"`, `"isaac-lab"` or `"ros2"`.
+        `robot` is your file that is to be changed (MJCF, or URDF; by default the model's own URDF); only the numbers in
+        it change. `step_s` is the physics step in s in which Isaac Lab counts delays. Raises `BtrError` for a file that
+        is missing or of another kind."""
+        text, carried, left, effects = self._model.export(to, None if robot is None else Path(robot), step_s)
+        return Exported(text, carried, left, None if effects is None else json.loads(effects))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the model file atomically, with the paths in it adapted to its folder. Raises `BtrError` if the name

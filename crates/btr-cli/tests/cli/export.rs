@@ -1,0 +1,130 @@
+//! Models in the files of other simulators.
+
+use crate::lab::{Lab, robots, text};
+use std::fmt::Write;
+
+/// The desk arm with a payload, friction, a rotor, a limit and a dead time.
+fn lab() -> Lab {
+    let lab = Lab::new();
+    lab.write("arm.urdf", &std::fs::read_to_string(robots().join("arm.urdf")).unwrap());
+    let model = std::fs::read_to_string(robots().join("arm.toml")).unwrap();
+    let found = r#"
+"viscous_friction.coefficient@shoulder" = { bounds = [0.0, 2.0], value = 0.21 }
+"coulomb_friction.torque@elbow" = { bounds = [0.0, 2.0], value = 0.13 }
+"end_payload.mass@forearm" = { bounds = [0.0, 2.0], value = 0.35 }
+"armature.inertia@yaw" = { bounds = [0.0, 0.1], value = 0.02 }
+"torque_limit.torque@shoulder" = { bounds = [1.0, 20.0], value = 7.5 }
+"command_delay.delay@elbow" = { bounds = [0.0, 0.1], value = 0.0151 }
+"cogging.amplitude@yaw" = { bounds = [-1.0, 1.0], value = 0.08 }
+"cogging.order@yaw" = { bounds = [1.0, 40.0], value = 12.0 }
+"#;
+    lab.write("fitted.toml", &(model.replace("#:schema ../btr.schema.json\n", "") + found));
+    lab
+}
+
+const MJCF: &str = r#"<mujoco model="arm">
+  <!-- as the lab built it -->
+  <compiler angle="radian"/>
+  <worldbody>
+    <body name="turret">
+      <joint name="yaw" axis="0 0 1"/>  <!-- slow -->
+      <body name="upper" pos="0 0 0.1">
+        <joint name="shoulder" axis="0 1 0" damping="0.2"/>
+        <body name="forearm" pos="0 0 0.3">
+          <joint name="elbow" axis="0 1 0" pos="0 0 0.01"/>
+          <inertial pos="0 0 0.1" mass="0.3" diaginertia="1e-3 1e-3 1e-4" quat="1 0 0 0"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="yaw_servo" joint="yaw" kp="20" kv="0.5"/>
+    <general joint="shoulder" gear="2"/>
+  </actuator>
+</mujoco>
+"#;
+
+/// The lines in which two texts differ.
+fn difference(before: &str, after: &str) -> String {
+    let mut said = String::new();
+    for (before, after) in before.lines().zip(after.lines()).filter(|(before, after)| before != after) {
+        writeln!(said, "-{before}\n+{after}").unwrap();
+    }
+    assert_eq!(before.lines().count(), after.lines().count());
+    said
+}
+
+#[test]
+fn mujoco_s_file_changes_in_its_numbers_alone() {
+    let lab = lab();
+    lab.write("arm.xml", MJCF);
+    insta::assert_snapshot!("export_mujoco", lab.ok("export fitted.toml arm.xml --to mujoco -o out.xml"));
+    insta::assert_snapshot!("export_mujoco_difference", difference(MJCF, &lab.read("out.xml")));
+    insta::assert_snapshot!("export_effects", lab.read("out.effects.json"));
+    // What is exported again changes no more.
+    lab.ok("export fitted.toml out.xml --to mujoco -o again.xml");
+    assert_eq!(lab.read("out.xml"), lab.read("again.xml"));
+}
+
+#[test]
+fn an_exported_urdf_moves_as_the_model() {
+    let lab = lab();
+    insta::assert_snapshot!("export_urdf", lab.ok("export fitted.toml --to urdf -o out.urdf"));
+    let fitted = lab.read("fitted.toml");
+    let before = |name: &str| fitted.find(name).unwrap();
+    // The same servos, with what URDF cannot say.
+    let carried = ["viscous_friction", "coulomb_friction", "end_payload"];
+    let rest: String = fitted
+        .lines()
+        .filter(|line| !carried.iter().any(|name| line.starts_with(&format!("\"{name}."))))
+        .fold(String::new(), |text, line| text + line + "\n");
+    assert!(before("[parameters]") < before("viscous_friction"));
+    lab.write("other.toml", &rest.replace("arm.urdf", "out.urdf"));
+    let log = robots().join("arm/learn_1.csv");
+    let simulated = |model: &str| {
+        lab.ok(&format!("simulate {model} --log {} -o {model}.csv", log.display()));
+        let rows = lab.read(&format!("{model}.csv"));
+        let cells = |line: &str| line.split(',').map(|cell| cell.parse::<f64>().unwrap()).collect::<Vec<_>>();
+        rows.lines().skip(1).map(cells).collect::<Vec<_>>()
+    };
+    let (one, other) = (simulated("fitted.toml"), simulated("other.toml"));
+    assert!(one.len() > 100);
+    let apart = one.iter().flatten().zip(other.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    // Numbers are written with ten digits.
+    assert!(apart < 1e-6, "{apart}");
+}
+
+#[test]
+fn actuators_and_limits_are_written_for_isaac_lab_and_ros() {
+    let lab = lab();
+    insta::assert_snapshot!("export_isaac_lab", lab.ok("export fitted.toml --to isaac-lab -o actuators.py"));
+    insta::assert_snapshot!("export_isaac_lab_file", lab.read("actuators.py"));
+    insta::assert_snapshot!("export_ros2", lab.ok("export fitted.toml --to ros2 -o limits.yaml"));
+    insta::assert_snapshot!("export_ros2_file", lab.read("limits.yaml"));
+    let document = lab.json("export fitted.toml --to isaac-lab --step 0.05 -o slow.py");
+    let left = document["left"].as_array().unwrap();
+    assert!(left.iter().any(|line| line.as_str().unwrap().contains("below half a step")), "{left:?}");
+}
+
+#[test]
+fn what_cannot_be_exported_is_refused_in_a_word() {
+    let lab = lab();
+    lab.write("text.xml", "no elements");
+    lab.write("other.xml", "<robot name=\"arm\"/>");
+    lab.write("deep.xml", &("<mujoco>".repeat(200_000) + &"</mujoco>".repeat(200_000)));
+    let complaints: Vec<String> = [
+        "export fitted.toml --to mujoco -o out.xml",
+        "export fitted.toml text.xml --to mujoco -o out.xml",
+        "export fitted.toml other.xml --to mujoco -o out.xml",
+        "export fitted.toml missing.xml --to mujoco -o out.xml",
+        "export fitted.toml arm.urdf --to urdf -o arm.urdf",
+        "export fitted.toml --to urdf -o out.toml",
+        "export fitted.toml --to gazebo -o out.sdf",
+    ]
+    .map(|arguments| lab.complaint(arguments))
+    .into();
+    insta::assert_snapshot!("export_refused", complaints.join("---\n"));
+    // Nested without end: a word or a file, but no crash.
+    let output = lab.run("export fitted.toml deep.xml --to mujoco -o out.xml");
+    assert!(output.status.code().is_some(), "{}", text(&output.stderr));
+}

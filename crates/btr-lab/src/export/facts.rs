@@ -1,0 +1,137 @@
+//! What is known of each joint and link, in the terms that other simulators share.
+
+use btr_physics::effects::{PlacedEffect, find};
+use btr_physics::model::Outline;
+use btr_physics::robot::{Actuator, Joint, JointKind, Link, Robot};
+
+/// A joint's known values, in SI units. What a format cannot express stays in `left`.
+#[derive(Clone, Debug)]
+pub(super) struct JointFacts {
+    pub(super) name: String,
+    pub(super) is_hinge: bool,
+    /// Range; infinite where unlimited.
+    pub(super) limits: (f64, f64),
+    /// Infinite where unlimited.
+    pub(super) speed_limit: f64,
+    /// Infinite where unlimited.
+    pub(super) torque_limit: f64,
+    pub(super) armature: f64,
+    pub(super) viscous: f64,
+    pub(super) coulomb: f64,
+    /// Friction at rest, at least Coulomb's.
+    pub(super) static_friction: f64,
+    pub(super) stiffness: f64,
+    /// Where the spring is at rest.
+    pub(super) rest: f64,
+    /// Proportional and derivative gain of a position servo.
+    pub(super) gains: Option<(f64, f64)>,
+    /// Whether the model says what drives the joint, if it is no position servo.
+    pub(super) is_driven_otherwise: bool,
+    /// Dead time of the command, in s.
+    pub(super) delay_s: f64,
+    /// The effects that are in none of these.
+    pub(super) left: Vec<PlacedEffect>,
+}
+
+/// The joints of a model.
+pub(super) fn joints(outline: &Outline) -> Vec<JointFacts> {
+    let links = outline.robot.movable().map(|(_, link)| link);
+    links.zip(&outline.joints).map(|(link, effects)| JointFacts::of(&link.joint, effects)).collect()
+}
+
+impl JointFacts {
+    fn of(joint: &Joint, effects: &[PlacedEffect]) -> Self {
+        let (gains, torque_limit) = match joint.actuator {
+            Actuator::Position { kp, kd, max_torque, .. } => (Some((kp, kd)), max_torque),
+            Actuator::Torque { max_torque } => (None, max_torque),
+            Actuator::Passive | Actuator::Voltage { .. } | Actuator::Prescribed => (None, f64::INFINITY),
+        };
+        let mut facts = JointFacts {
+            name: joint.name.clone(),
+            is_hinge: joint.kind == JointKind::Revolute,
+            limits: joint.limits,
+            speed_limit: joint.speed_limit,
+            torque_limit,
+            armature: joint.armature,
+            viscous: joint.damping,
+            coulomb: joint.dry_friction,
+            static_friction: joint.dry_friction,
+            stiffness: 0.0,
+            rest: 0.0,
+            gains,
+            is_driven_otherwise: matches!(joint.actuator, Actuator::Torque { .. } | Actuator::Passive),
+            delay_s: 0.0,
+            left: Vec::new(),
+        };
+        effects.iter().for_each(|placed| facts.take(placed));
+        facts
+    }
+
+    /// Counts the dead time of the command as left.
+    pub(super) fn leave_delay(&mut self) {
+        self.leave("command_delay", [self.delay_s]);
+    }
+
+    /// Counts the spring as left.
+    pub(super) fn leave_spring(&mut self) {
+        if self.stiffness != 0.0 {
+            self.leave("parallel_spring", [self.stiffness, self.rest]);
+        }
+    }
+
+    /// Counts rotor, spring and dead time as left.
+    pub(super) fn leave_dynamics(&mut self) {
+        self.leave("armature", [self.armature]);
+        self.leave_spring();
+        self.leave_delay();
+    }
+
+    /// Counts viscous and dry friction as left.
+    pub(super) fn leave_friction(&mut self) {
+        self.leave("viscous_friction", [self.viscous]);
+        self.leave("coulomb_friction", [self.coulomb]);
+    }
+
+    /// Counts an effect as left, unless it is off.
+    fn leave<const N: usize>(&mut self, name: &str, values: [f64; N]) {
+        let effect = find(name).filter(|_| values.iter().any(|value| *value != 0.0));
+        let placed = |effect| PlacedEffect { effect, site: self.name.clone(), values: values.to_vec() };
+        self.left.extend(effect.map(placed));
+    }
+
+    /// Takes an effect into the values.
+    fn take(&mut self, placed: &PlacedEffect) {
+        match (placed.effect.spec().name, placed.values.as_slice()) {
+            ("armature", [inertia]) => self.armature += inertia,
+            ("viscous_friction", [coefficient]) => self.viscous += coefficient,
+            ("coulomb_friction", [torque]) => {
+                self.coulomb += torque;
+                self.static_friction += torque;
+            }
+            ("stribeck_friction", [coulomb, at_rest, _]) => {
+                self.coulomb += coulomb;
+                self.static_friction += at_rest;
+                self.left.push(placed.clone());
+            }
+            ("parallel_spring", [stiffness, rest]) if self.stiffness == 0.0 => {
+                (self.stiffness, self.rest) = (*stiffness, *rest);
+            }
+            ("torque_limit", [torque]) => self.torque_limit = self.torque_limit.min(*torque),
+            ("command_delay", [delay]) => self.delay_s += delay,
+            _ => self.left.push(placed.clone()),
+        }
+    }
+}
+
+/// The links whose inertia the model changes, against the robot's file.
+pub(super) fn changed_links<'a>(outline: &'a Outline, original: &'a Robot) -> impl Iterator<Item = &'a Link> {
+    outline.robot.links.iter().filter(|link| {
+        let same = |known: &&Link| {
+            known.name == link.name
+                && known.mass_kg.to_bits() == link.mass_kg.to_bits()
+                && known.com_m == link.com_m
+                && known.inertia_kg_m2 == link.inertia_kg_m2
+        };
+        !original.links.iter().any(|known| same(&known))
+    })
+}

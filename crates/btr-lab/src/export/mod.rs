@@ -1,0 +1,92 @@
+//! Models for other simulators: what was learnt, in their own files.
+
+mod facts;
+mod isaac_lab;
+mod mujoco;
+mod request;
+mod rest;
+mod ros2;
+mod urdf;
+mod xml;
+
+use crate::experiment::{FileError, Source, model};
+use crate::failure::Failure;
+use request::Request;
+use std::path::PathBuf;
+
+pub use request::Exported;
+
+/// A format that models can be exported to.
+pub struct Format {
+    /// Its name on the command line.
+    pub name: &'static str,
+    /// What it is, in one line.
+    pub what: &'static str,
+    /// Whether a file of the user's is changed, which must be given unless it is the model's own URDF.
+    pub changes_a_file: bool,
+    /// Endings of its files.
+    pub endings: &'static [&'static str],
+    write: fn(&Request) -> Result<Exported, String>,
+}
+
+/// All formats.
+pub const FORMATS: &[Format] = &[
+    Format {
+        name: "mujoco",
+        what: "the user's MJCF file with the changed numbers in it",
+        changes_a_file: true,
+        endings: &["xml", "mjcf"],
+        write: mujoco::write,
+    },
+    Format {
+        name: "urdf",
+        what: "the model's URDF, or another one, with the changed numbers in it",
+        changes_a_file: true,
+        endings: &["urdf", "xml"],
+        write: urdf::write,
+    },
+    Format {
+        name: "isaac-lab",
+        what: "actuator configurations of Isaac Lab, as Python",
+        changes_a_file: false,
+        endings: &["py"],
+        write: isaac_lab::write,
+    },
+    Format {
+        name: "ros2",
+        what: "joint limits of ROS 2 (joint_limits.yaml)",
+        changes_a_file: false,
+        endings: &["yaml", "yml"],
+        write: ros2::write,
+    },
+];
+
+/// Exports a model. `file` is the user's file that is changed, by default the model's URDF; `step_s` the physics step
+/// of the other simulator.
+///
+/// # Errors
+/// An invalid model; a file that is missing, cannot be read or is of another kind; a robot that is in no file.
+pub fn export(source: &Source, format: &Format, file: Option<PathBuf>, step_s: f64) -> Result<Exported, Failure> {
+    let parsed = source.parse()?;
+    let model = model(source)?;
+    let outline = model.outline().map_err(|error| Failure::simulation(&error, &[]))?;
+    let own = || parsed.robot.urdf.as_ref().filter(|_| format.name == "urdf").map(|urdf| source.folder().join(urdf));
+    let path = if format.changes_a_file { file.or_else(own) } else { None };
+    if path.is_none() && format.changes_a_file {
+        let message = format!("{} changes a file of yours, and none is given", format.name);
+        let help = format!("name it: btr export {} ROBOT --to {} -o OUT", source.path.display(), format.name);
+        return Err(Failure::new("usage", message, Some(help.into())));
+    }
+    let text = path.as_ref().map(|path| read(path)).transpose()?.unwrap_or_default();
+    let request =
+        Request { name: source.path.display().to_string(), model: &model, outline: &outline, text: &text, step_s };
+    (format.write)(&request).map_err(|message| {
+        let path = path.unwrap_or_else(|| source.path.clone());
+        Failure::from(FileError { path, line: 0, column: 0, message: message.into(), help: None })
+    })
+}
+
+fn read(path: &std::path::Path) -> Result<String, Failure> {
+    let failed = |error| Failure::new("robot", format!("{}: {error}", path.display()), None);
+    btr_io::read_text(path).map_err(failed)
+}

@@ -1,0 +1,242 @@
+"""Effects that MJCF has no attribute for, applied around `mujoco.mj_step`.
+
+    model = mujoco.MjModel.from_xml_path("robot_fitted.xml")
+    stepper = btr.mujoco.EffectStepper(model, "robot_fitted.effects.json")
+    data = mujoco.MjData(model)
+    data.ctrl[:] = command
+    stepper.step(data)  # in the place of mujoco.mj_step(model, data)
+    measured = stepper.readings(data)
+
+`Model.export` and `btr export` write both files. Needs the package mujoco (`btr[mujoco]`).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections import deque
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from btr._btr import BtrError
+from btr._optional import needed
+
+Values = Mapping[str, float]
+
+# Each makes a filter of a joint's command from an effect's values, the time step in s and the joint's position.
+_COMMANDS: dict[str, Callable[[Values, float], Callable[[float, float], float]]] = {}
+
+
+class EffectStepper:
+    """Steps a MuJoCo model with further effects.
+
+    Commands are changed before they reach the actuators (dead time, lag, rate limit, dead band, offset), dry friction
+    is set anew in each step (Stribeck's, load-dependent, asymmetric), and torques are added (cogging, drag). What of
+    the effects it does not know is in `ignored`."""
+
+    def __init__(self, model: Any, effects: Mapping[str, Any] | str | os.PathLike[str]) -> None:
+        """`model` is a `mujoco.MjModel`, and `effects` a file that an export has written, or its content. Raises
+        `BtrError` for a joint that the model does not have."""
+        self._mujoco = needed("mujoco", "mujoco")
+        self._model = model
+        if isinstance(effects, (str, os.PathLike)):
+            effects = json.loads(Path(effects).read_text(encoding="utf-8"))
+        self.ignored: list[str] = [f"robot: {values['effect']}" for values in effects.get("robot", [])]
+        self._joints = [_Joint(model, name, found) for name, found in effects.get("joints", {}).items()]
+        for joint in self._joints:
+            self.ignored.extend(joint.ignored)
+        self._frictionloss = np.array(model.dof_frictionloss)
+        self._damping = np.array(model.dof_damping)
+
+    def reset(self) -> None:
+        """Forgets earlier commands and readings, as after `mujoco.mj_resetData`."""
+        for joint in self._joints:
+            joint.reset()
+
+    def step(self, data: Any) -> None:
+        """One step of `mujoco.mj_step` with the effects. `data.ctrl` and `data.qfrc_applied` are the caller's: they are
+        the same afterwards."""
+        command, applied = np.array(data.ctrl), np.array(data.qfrc_applied)
+        self._model.dof_frictionloss[:] = self._frictionloss
+        self._model.dof_damping[:] = self._damping
+        for joint in self._joints:
+            joint.act(self._model, data)
+        self._mujoco.mj_step(self._model, data)
+        data.ctrl[:], data.qfrc_applied[:] = command, applied
+        for joint in self._joints:
+            joint.read(data)
+
+    def readings(self, data: Any) -> dict[str, float]:
+        """What the encoders of the joints with effects read, in rad (m): late and off by their offsets."""
+        return {joint.name: joint.reading(data) for joint in self._joints}
+
+
+class _Joint:
+    """The effects in one joint."""
+
+    def __init__(self, model: Any, name: str, effects: list[dict[str, Any]]) -> None:
+        try:
+            joint = model.joint(name)
+        except KeyError:
+            raise BtrError(f"the MuJoCo model has no joint `{name}`\nhelp: export into the file of this model") from None
+        self.name = name
+        self._at, self._dof = int(joint.qposadr[0]), int(joint.dofadr[0])
+        drives = (model.actuator_trntype == 0) & (model.actuator_trnid[:, 0] == joint.id)
+        self._actuators = np.flatnonzero(drives)
+        self._gears = np.array(model.actuator_gear[self._actuators, 0])
+        self._dt_s = float(model.opt.timestep)
+        known = {**_COMMANDS, **dict.fromkeys(_TORQUES), **dict.fromkeys(_READINGS)}
+        self.ignored = [f"{name}: {values['effect']}" for values in effects if values["effect"] not in known]
+        self._effects = effects
+        self.reset()
+
+    def reset(self) -> None:
+        steps = max((self._late(values) for values in self._effects), default=0.0)
+        self._read: deque[float] = deque(maxlen=math.ceil(steps) + 2)
+        self._filters = [
+            [_COMMANDS[v["effect"]](v, self._dt_s) for v in self._effects if v["effect"] in _COMMANDS]
+            for _ in self._actuators
+        ]
+
+    def _late(self, values: dict[str, Any]) -> float:
+        """How many steps old a reading is."""
+        return float(values["delay"]) / self._dt_s if values["effect"] == "encoder_delay" else 0.0
+
+    def act(self, model: Any, data: Any) -> None:
+        q, dq = float(data.qpos[self._at]), float(data.qvel[self._dof])
+        for actuator, gear, filters in zip(self._actuators, self._gears, self._filters, strict=True):
+            # Commands of an actuator with a gear are positions before it.
+            command = float(data.ctrl[actuator]) / gear
+            for changed in filters:
+                command = changed(command, q)
+            data.ctrl[actuator] = command * gear
+        for values in self._effects:
+            if values["effect"] in _TORQUES:
+                load = float(data.qfrc_actuator[self._dof])
+                torque, friction, damping = _TORQUES[values["effect"]](values, q, dq, load)
+                data.qfrc_applied[self._dof] += torque
+                model.dof_frictionloss[self._dof] += friction
+                model.dof_damping[self._dof] += damping
+
+    def read(self, data: Any) -> None:
+        self._read.append(float(data.qpos[self._at]))
+
+    def reading(self, data: Any) -> float:
+        late = max((self._late(values) for values in self._effects), default=0.0)
+        q = _ago(self._read, late) if self._read else float(data.qpos[self._at])
+        for values in self._effects:
+            q = _READINGS.get(values["effect"], _as_it_is)(values, q)
+        return q
+
+
+def _ago(past: deque[float], steps: float) -> float:
+    """A value some steps ago, interpolated; the first one where that is too long ago."""
+    last = len(past) - 1
+    whole, part = int(steps), steps - int(steps)
+    newer, older = past[max(last - whole, 0)], past[max(last - whole - 1, 0)]
+    return newer + part * (older - newer)
+
+
+def _delay(values: Values, dt_s: float) -> Callable[[float, float], float]:
+    steps = values["delay"] / dt_s
+    past: deque[float] = deque(maxlen=math.ceil(steps) + 2)
+
+    def late(command: float, q: float) -> float:
+        past.append(command)
+        return _ago(past, steps)
+
+    return late
+
+
+def _following(part: Callable[[float], float]) -> Callable[[float, float], float]:
+    """A command that is followed in part in each step; at its mean over the step."""
+    state: list[float] = []
+
+    def follow(command: float, q: float) -> float:
+        before = state[0] if state else command
+        state[:] = [before + part(command - before)]
+        return 0.5 * (before + state[0])
+
+    return follow
+
+
+def _rate_limit(values: Values, dt_s: float) -> Callable[[float, float], float]:
+    most = values["rate"] * dt_s
+    return _following(lambda error: min(max(error, -most), most))
+
+
+def _lag(values: Values, dt_s: float) -> Callable[[float, float], float]:
+    covered = -math.expm1(-dt_s / values["time_constant"])
+    return _following(lambda error: error * covered)
+
+
+def _deadband(values: Values, dt_s: float) -> Callable[[float, float], float]:
+    band = values["band"]
+    return lambda command, q: q if abs(command - q) <= band else command - math.copysign(band, command - q)
+
+
+def _offset(values: Values, dt_s: float) -> Callable[[float, float], float]:
+    return lambda command, q: command + values["offset"]
+
+
+def _reads_off(values: Values, dt_s: float) -> Callable[[float, float], float]:
+    return lambda command, q: command - values["offset"]
+
+
+_COMMANDS.update(
+    command_delay=_delay,
+    command_rate_limit=_rate_limit,
+    motor_lag=_lag,
+    command_deadband=_deadband,
+    command_offset=_offset,
+    # The servo closes its loop on what its encoder reads.
+    encoder_offset=_reads_off,
+)
+
+
+def _cogging(v: Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
+    return v["amplitude"] * math.sin(v["order"] * q + v["phase"]), 0.0, 0.0
+
+
+def _drag(v: Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
+    return -v["coefficient"] * abs(dq) * dq, 0.0, 0.0
+
+
+def _stribeck(v: Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
+    # Coulomb's part is in the file, as frictionloss.
+    above = max(v["static"] - v["coulomb"], 0.0)
+    return 0.0, above * math.exp(-((dq / v["velocity"]) ** 2)), 0.0
+
+
+def _load_dependent(v: Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
+    return 0.0, v["ratio"] * abs(load), 0.0
+
+
+def _asymmetric(v: Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
+    side = "forward" if dq >= 0.0 else "backward"
+    return 0.0, v[f"coulomb_{side}"], v[f"viscous_{side}"]
+
+
+# What an effect adds in a joint: torque in N·m, dry friction in N·m, damping in N·m·s/rad; by its values, position,
+# velocity and the torque of the joint's actuators.
+_TORQUES: dict[str, Callable[[Values, float, float, float], tuple[float, float, float]]] = {
+    "cogging": _cogging,
+    "quadratic_drag": _drag,
+    "stribeck_friction": _stribeck,
+    "load_dependent_friction": _load_dependent,
+    "asymmetric_friction": _asymmetric,
+}
+
+
+def _as_it_is(v: Values, q: float) -> float:
+    return q
+
+
+_READINGS: dict[str, Callable[[Values, float], float]] = {
+    "encoder_offset": lambda v, q: q + v["offset"],
+    "encoder_delay": _as_it_is,
+}

@@ -1,0 +1,153 @@
+"""Models in the files of other simulators: what MuJoCo makes of them."""
+
+import json
+from pathlib import Path
+
+import btr
+import pytest
+from btr.exported import Exported
+
+np = pytest.importorskip("numpy")
+mujoco = pytest.importorskip("mujoco")
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+LOG = ROBOTS / "arm" / "learn_1.csv"
+JOINTS = ["yaw", "shoulder", "elbow"]
+GAINS = {"yaw": (20.0, 0.5), "shoulder": (25.0, 0.6), "elbow": (12.0, 0.25)}
+STEP_S = 0.001
+FOUND = {
+    "viscous_friction.coefficient@shoulder": 0.21,
+    "coulomb_friction.torque@elbow": 0.13,
+    "end_payload.mass@forearm": 0.35,
+    "armature.inertia@yaw": 0.02,
+    "torque_limit.torque@shoulder": 7.5,
+    "command_delay.delay@elbow": 0.0151,
+    "command_rate_limit.rate@yaw": 1.0,
+    "load_dependent_friction.ratio@shoulder": 0.1,
+    "stribeck_friction.coulomb@yaw": 0.1,
+    "stribeck_friction.static@yaw": 0.2,
+    "stribeck_friction.velocity@yaw": 0.1,
+    "cogging.amplitude@yaw": 0.08,
+    "cogging.order@yaw": 12.0,
+}
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """The desk arm with effects of every kind that an export carries or leaves."""
+    text = (ROBOTS / "arm.toml").read_text()
+    values = "".join(f'"{name}" = {{ bounds = [0.0, 100.0], value = {value} }}\n' for name, value in FOUND.items())
+    return btr.Model(text + values, ROBOTS / "fitted.toml")
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """The desk arm with its servos, as MuJoCo itself writes it."""
+    spec = mujoco.MjSpec.from_file(str(ROBOTS / "arm.urdf"))
+    for joint, (kp, kd) in GAINS.items():
+        servo = spec.add_actuator(name=f"{joint}_servo", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_position(kp=kp, kv=kd)
+    spec.option.timestep = STEP_S
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.compile()
+    (tmp_path / "robot.xml").write_text(spec.to_xml())
+    return tmp_path / "robot.xml"
+
+
+def replayed(path, effects, times):
+    """The joints' positions at these times, told what the log says."""
+    log = btr.load_log(LOG)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    stepper = btr.mujoco.EffectStepper(model, effects or {"joints": {}})
+    assert stepper.ignored == []
+    places = [model.joint(joint).qposadr[0] for joint in JOINTS]
+    data.qpos[places] = [log[f"q_{joint}"][0] for joint in JOINTS]
+    commands = np.stack([log[f"cmd_{joint}"] for joint in JOINTS], axis=1)
+    clock = log.t - log.t[0]
+    every = round((times[1] - times[0]) / STEP_S)
+    positions = []
+    for step in range(every * (len(times) - 1) + 1):
+        if step % every == 0:
+            positions.append(data.qpos[places].copy())
+        data.ctrl[:] = commands[max(np.searchsorted(clock, step * STEP_S + 1e-9, side="right") - 1, 0)]
+        stepper.step(data)
+    return np.array(positions)
+
+
+def rms(x):
+    return np.sqrt(np.mean(x**2, axis=0))
+
+
+def test_mujoco_replays_the_model_with_the_effects_that_are_left(fitted, robot, tmp_path):
+    exported = fitted.export("mujoco", robot)
+    exported.save(tmp_path / "fitted.xml")
+    simulated = fitted.simulate(LOG)
+    expected = np.stack([simulated[f"q_{joint}"] for joint in JOINTS], axis=1)
+    without = replayed(tmp_path / "fitted.xml", None, simulated.t)
+    with_them = replayed(tmp_path / "fitted.xml", tmp_path / "fitted.effects.json", simulated.t)
+    assert np.all(rms(without - expected) > 0.03)
+    # Both integrate in their own way: the nominal models are 1.2 mrad apart.
+    assert np.all(rms(with_them - expected) < 0.005), rms(with_them - expected)
+
+
+def test_the_file_has_the_numbers(fitted, robot, tmp_path):
+    exported = fitted.export("mujoco", robot)
+    assert isinstance(exported, Exported)
+    exported.save(tmp_path / "fitted.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "fitted.xml"))
+    dof = {joint: model.joint(joint).dofadr[0] for joint in JOINTS}
+    assert model.dof_armature[dof["yaw"]] == pytest.approx(0.02)
+    assert model.dof_damping[dof["shoulder"]] == pytest.approx(0.21)
+    assert model.dof_frictionloss[dof["elbow"]] == pytest.approx(0.13)
+    assert model.dof_frictionloss[dof["yaw"]] == pytest.approx(0.1)
+    assert list(model.actuator("shoulder_servo").forcerange) == [-7.5, 7.5]
+    before = mujoco.MjModel.from_xml_path(str(robot)).body_subtreemass[0]
+    assert model.body_subtreemass[0] - before == pytest.approx(0.35)
+
+
+def test_an_effect_on_a_joint_that_the_model_lacks_is_refused(robot):
+    model = mujoco.MjModel.from_xml_path(str(robot))
+    with pytest.raises(btr.BtrError, match="no joint `wrist`"):
+        btr.mujoco.EffectStepper(model, {"joints": {"wrist": [{"effect": "cogging", "amplitude": 1.0}]}})
+
+
+def test_effects_that_the_stepper_does_not_know_are_named(robot):
+    model = mujoco.MjModel.from_xml_path(str(robot))
+    effects = {"joints": {"yaw": [{"effect": "backlash", "gap": 0.1}]}, "robot": [{"effect": "voltage_sag", "sag": 1}]}
+    assert btr.mujoco.EffectStepper(model, effects).ignored == ["robot: voltage_sag", "yaw: backlash"]
+
+
+def test_readings_are_late_and_off(robot):
+    model = mujoco.MjModel.from_xml_path(str(robot))
+    data = mujoco.MjData(model)
+    late = {"effect": "encoder_delay", "delay": 0.0105}
+    stepper = btr.mujoco.EffectStepper(model, {"joints": {"yaw": [late, {"effect": "encoder_offset", "offset": 0.2}]}})
+    positions = []
+    for step in range(50):
+        data.ctrl[:] = 0.01 * step
+        stepper.step(data)
+        positions.append(data.qpos[model.joint("yaw").qposadr[0]])
+    assert stepper.readings(data)["yaw"] == pytest.approx(0.5 * (positions[-11] + positions[-12]) + 0.2)
+    stepper.reset()
+    assert stepper.readings(data)["yaw"] == pytest.approx(positions[-1] + 0.2)
+
+
+def test_isaac_lab_and_ros_files_are_valid(fitted):
+    actuators = fitted.export("isaac-lab").text
+    compile(actuators, "actuators.py", "exec")
+    limits = fitted.export("ros2").text
+    assert limits.startswith("# From ") and "max_effort: 7.5" in limits
+
+
+@pytest.mark.parametrize(("to", "robot"), [("gazebo", None), ("mujoco", None), ("mujoco", "nowhere.xml")])
+def test_what_cannot_be_exported_is_refused(fitted, to, robot):
+    with pytest.raises(btr.BtrError):
+        fitted.export(to, robot)
+
+
+def test_saving_leaves_no_other_file(fitted, tmp_path):
+    fitted.export("ros2").save(tmp_path / "limits.yaml")
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["limits.effects.json", "limits.yaml"]
+    json.loads((tmp_path / "limits.effects.json").read_text())
