@@ -11,4 +11,5 @@ pub(crate) mod effects;
 pub(crate) mod fit;
 pub(crate) mod generated;
 pub(crate) mod info;
+pub(crate) mod new;
 pub(crate) mod simulate;
