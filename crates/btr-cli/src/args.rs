@@ -11,7 +11,10 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 /// Examples of the main workflows, below the help.
-const WORKFLOWS: &str = "Diagnose and fit a model against logs of the robot:
+const WORKFLOWS: &str = "Make a model file of a robot's URDF, xacro or MuJoCo model, and of a log:
+  btr new arm.urdf monday.csv -o arm.toml
+
+Diagnose and fit a model against logs of the robot:
   btr check    robots/arm.toml robots/arm/learn_*.csv
   btr compare  robots/arm.toml robots/arm/learn_*.csv --report where.html
   btr diagnose robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv
@@ -104,6 +107,11 @@ pub(crate) enum Verb {
     /// Simulate a model: replay a log's commands, or run the model's own drive
     #[command(after_help = "Example:\n  btr simulate robots/nao.toml -o walk.mcap")]
     Simulate(SimulateArgs),
+    /// Write a model file to start from, made of a robot's URDF, xacro or MuJoCo model, and of logs
+    #[command(after_help = "Examples:\n  btr new arm.urdf monday.csv -o arm.toml\n  btr new scene.xml -o arm.toml\n\n\
+        Logs may have any column names: joints, quantities and units are matched by names and ranges, and what is guessed \
+        is told. MuJoCo models need Python with btr[mujoco], xacro files the program or the Python package xacro.")]
+    New(NewArgs),
     /// Check the quality of logs: clock, sensors, lags, and which free parameters they identify
     #[command(after_help = "Example:\n  btr check leg.toml monday.mcap tuesday.csv\n\n\
         Exit code 1 if a log has a bad finding, or cannot be used at all: results based on it cannot be trusted.")]
@@ -200,6 +208,27 @@ pub(crate) struct SimulateArgs {
     #[arg(short, long, value_name = "LOG")]
     pub(crate) output: PathBuf,
     /// Overwrite an existing log
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}
+
+#[derive(ClapArgs)]
+pub(crate) struct NewArgs {
+    /// The robot: .urdf, .xacro, or .xml (URDF or MJCF)
+    pub(crate) robot: PathBuf,
+    /// Logs of the robot (CSV or MCAP), whose columns become its channels; the first one stands for all
+    #[arg(value_name = "LOG")]
+    pub(crate) logs: Vec<PathBuf>,
+    /// Where to write the model; the URDF of a xacro file or MuJoCo model is written beside it
+    #[arg(short, long, value_name = "MODEL")]
+    pub(crate) output: PathBuf,
+    /// How the root is held, if the guess is wrong
+    #[arg(long, value_parser = ["fixed", "floating"])]
+    pub(crate) base: Option<String>,
+    /// The first body of the robot in a MuJoCo scene with several
+    #[arg(long, value_name = "BODY")]
+    pub(crate) root: Option<String>,
+    /// Overwrite an existing model
     #[arg(long)]
     pub(crate) overwrite: bool,
 }

@@ -54,6 +54,7 @@ fn answer(args: &Args) -> Result<u8, Failure> {
     match &args.verb {
         Verb::Coevolve(coevolve) => cmd::coevolve::run(coevolve, &args.global),
         Verb::Simulate(simulate) => cmd::simulate::run(simulate, &args.global),
+        Verb::New(new) => cmd::new::run(new, &args.global),
         Verb::Check(check) => cmd::check::run(check, &args.global),
         Verb::Compare(compare) => cmd::compare::run(compare, &args.global),
         Verb::Diagnose(diagnose) => cmd::diagnose::run(diagnose, &args.global),

@@ -63,6 +63,8 @@ pub enum Mention {
     OtherName,
     /// How to read from a pipe: "write ...".
     Pipe,
+    /// How to make a model file of a robot's description at this path: "... writes a model file".
+    NewModel(String),
 }
 
 /// The verbs that texts mention.
@@ -132,6 +134,7 @@ impl fmt::Display for Mention {
             Mention::LoadLog => f.write_str("read it in Python: btr.load_log"),
             Mention::OtherName => f.write_str("give the output another name"),
             Mention::Pipe => f.write_str("write `-` to read the standard input"),
+            Mention::NewModel(robot) => write!(f, "`btr new {robot} -o model.toml` writes a model file to start from"),
         }
     }
 }
@@ -174,7 +177,8 @@ impl Mention {
                 Mention::ModelUse => Mention::LoadLog,
                 Mention::LoadLog => Mention::OtherName,
                 Mention::OtherName => Mention::Pipe,
-                Mention::Pipe => return None,
+                Mention::Pipe => Mention::NewModel("arm.urdf".to_owned()),
+                Mention::NewModel(_) => return None,
             })
         };
         std::iter::successors(Some(Verb::Add.into()), next).collect()
@@ -268,6 +272,7 @@ mod tests {
             "read it in Python: btr.load_log",
             "give the output another name",
             "write `-` to read the standard input",
+            "`btr new arm.urdf -o model.toml` writes a model file to start from",
         ];
         assert_eq!(worded, expected);
     }

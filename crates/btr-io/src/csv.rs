@@ -6,7 +6,7 @@
 
 use super::error::{IoError, Warning};
 use crate::channels::mapping::Mapping;
-use crate::channels::names::{Meaning, header, seconds_per_unit};
+use crate::channels::names::{Meaning, header};
 use crate::channels::series::{NamedSeries, assemble, check_size};
 use btr_core::limits::LONGEST_LINE;
 use btr_core::log::{Log, Role};
@@ -44,6 +44,17 @@ pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(
         }
     }
     table.into_log(mapping, short.map(|(line, _)| Warning::LastLineCut { line }))
+}
+
+/// The names in the header.
+pub(crate) fn columns(path: &Path, bytes: impl Read) -> Result<Vec<String>, IoError> {
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::Headers).from_reader(Lines { bytes, length: 0 });
+    let header = reader.headers().map_err(|e| broken(path, e))?;
+    match separator(header) {
+        _ if header.is_empty() => Err(IoError::Empty { path: path.to_owned() }),
+        Some(what) => Err(IoError::Separator { path: path.to_owned(), what }),
+        None => Ok(header.iter().map(str::to_owned).collect()),
+    }
 }
 
 /// An error of the file that is read, or of its text.
@@ -122,7 +133,13 @@ impl<'a> CsvColumns<'a> {
             columns: header.iter().map(str::to_owned).collect(),
         })?;
         let columns = header.iter().map(|name| CsvColumn::new(name, mapping)).collect();
-        Ok(CsvColumns { path, time, seconds_per_unit: seconds_per_unit(&header[time]), clock_s: Vec::new(), columns })
+        Ok(CsvColumns {
+            path,
+            time,
+            seconds_per_unit: mapping.seconds_per_unit(&header[time]),
+            clock_s: Vec::new(),
+            columns,
+        })
     }
 
     fn push(&mut self, line: u64, row: &StringRecord) -> Result<(), IoError> {

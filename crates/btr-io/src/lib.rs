@@ -46,7 +46,7 @@ mod tests;
 use channels::{names, series};
 
 pub use crate::atomic::{can_write, sweep_temporary, write_whole};
-pub use channels::mapping::{ForeignName, Mapping, Topics};
+pub use channels::mapping::{ForeignName, Mapping, TimeUnit, Topics};
 pub use channels::renamed::renamed;
 pub use error::{IoError, Warning};
 #[cfg(feature = "mcap")]
@@ -117,11 +117,36 @@ pub fn read_recorded(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning
     read_log(path, mapping).map(|(log, warnings)| (log.from_zero(), warnings))
 }
 
+/// The names of a CSV file's columns; of other formats, which name channels as btr does, none.
+///
+/// # Errors
+/// A file that cannot be read, or has no header.
+pub fn column_names(path: &Path) -> Result<Option<Vec<String>>, IoError> {
+    #[cfg(feature = "parquet")]
+    if lerobot::Episode::at(path)?.is_some() {
+        return Ok(None);
+    }
+    let refused = |source| IoError::File { path: path.to_owned(), source };
+    regular::check_no_stream(path).map_err(refused)?;
+    if path.is_dir() {
+        return Ok(None);
+    }
+    match format(path)? {
+        Format::Csv => csv::columns(path, regular::open(path).map_err(refused)?).map(Some),
+        Format::CsvGz => {
+            let bytes = flate2::read::MultiGzDecoder::new(regular::open(path).map_err(refused)?);
+            csv::columns(path, bytes).map(Some)
+        }
+        #[cfg(feature = "mcap")]
+        Format::Mcap => Ok(None),
+    }
+}
+
 /// The time column among these columns, as in a CSV file, and the seconds per unit of its values.
 pub fn time_of<'a>(columns: &'a [String], mapping: &Mapping) -> Option<(&'a str, f64)> {
     let mut names = mapping.time.as_deref().into_iter().chain(csv::TIME);
     let found = names.find_map(|name| columns.iter().find(|column| *column == name))?;
-    Some((found, names::seconds_per_unit(found)))
+    Some((found, mapping.seconds_per_unit(found)))
 }
 
 /// A log of columns in memory, with warnings. Names mean what CSV headers mean: `q_knee_deg` is the knee's position in

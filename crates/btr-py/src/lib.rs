@@ -27,6 +27,7 @@ fn _btr(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<model::Model>()?;
     module.add_class::<page::Page>()?;
     module.add_class::<search::Search>()?;
+    module.add_function(wrap_pyfunction!(model::new_model, module)?)?;
     module.add_function(wrap_pyfunction!(search::searches, module)?)?;
     module.add_function(wrap_pyfunction!(distance::distance, module)?)?;
     module.add_function(wrap_pyfunction!(distance::distances, module)?)?;

@@ -12,10 +12,13 @@ use btr_lab::experiment;
 use btr_lab::experiment::{LogSource, Source};
 use btr_lab::export;
 use btr_lab::model_text::{at, moved};
+use btr_lab::new_model::{LogColumns, UrdfPlace, written};
 use btr_lab::verbs;
 use btr_lab::verbs::{Addition, OwnLaw, OwnNumber};
 use btr_physics::effects::FORMULA;
+use btr_physics::engine::{BaseState, RobotState};
 use btr_physics::model;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use pyo3::prelude::*;
 use serde_json::json;
 use std::io::Write;
@@ -160,6 +163,23 @@ impl Model {
         Ok(Log::made_here("simulated", simulated))
     }
 
+    /// The accelerations in a state: of a floating base (angular, linear), then of the joints.
+    #[pyo3(signature = (q, dq, torques, base = None))]
+    fn accelerations(
+        &self,
+        q: Vec<f64>,
+        dq: Vec<f64>,
+        torques: Vec<f64>,
+        base: Option<([f64; 7], [f64; 6])>,
+    ) -> PyResult<Vec<f64>> {
+        if dq.len() != q.len() {
+            return Err(raised("positions and velocities must be as many", None));
+        }
+        let state = RobotState { joints: q.into_iter().zip(dq).collect(), base: base_state(base) };
+        let s = self.built.simulations().nominal();
+        self.built.accelerations(&s, &state, &torques).map_err(Raise::raise)
+    }
+
     /// Many rollouts, side by side: a point of S and one of C for each (the nominal one where there is none); nothing
     /// where a simulation diverged.
     #[pyo3(signature = (parameters, controllers, log = None, begins = None))]
@@ -203,6 +223,26 @@ impl Model {
     fn with_law(&self, law: String, site: String, on: String, numbers: Vec<(String, Number)>) -> PyResult<String> {
         let numbers = numbers.into_iter().map(|(name, number)| (name, number.into())).collect();
         verbs::add_law(&self.source, &OwnLaw { law, site, on, numbers }).map_err(Raise::raise)
+    }
+}
+
+/// The text of a new model: the robot of a description (JSON), with its URDF inside.
+#[pyfunction]
+pub(crate) fn new_model(description: &str) -> PyResult<String> {
+    let robot = serde_json::from_str(description).map_err(|e| raised(e.to_string(), None))?;
+    let draft = written(&robot, &LogColumns::default(), None, &UrdfPlace::Inside).map_err(Raise::raise)?;
+    Ok(draft.text)
+}
+
+/// The base at x, y, z in m and the quaternion w, x, y, z, with its linear and angular velocity in m/s and rad/s; at
+/// rest at the origin where nothing is given.
+fn base_state(base: Option<([f64; 7], [f64; 6])>) -> BaseState {
+    let ([x, y, z, w, i, j, k], [vx, vy, vz, wx, wy, wz]) = base.unwrap_or(([0., 0., 0., 1., 0., 0., 0.], [0.0; 6]));
+    let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
+    BaseState {
+        pose: Isometry3::from_parts(Translation3::new(x, y, z), turn),
+        velocity_m_s: Vector3::new(vx, vy, vz),
+        angular_rad_s: Vector3::new(wx, wy, wz),
     }
 }
 

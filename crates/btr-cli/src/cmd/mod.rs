@@ -12,4 +12,5 @@ pub(crate) mod export;
 pub(crate) mod fit;
 pub(crate) mod generated;
 pub(crate) mod info;
+pub(crate) mod new;
 pub(crate) mod simulate;

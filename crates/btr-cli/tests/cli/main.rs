@@ -17,6 +17,7 @@ mod integrity;
 mod inverse_dynamics;
 mod lab;
 mod limits;
+mod new;
 mod priors;
 mod real_arm;
 mod real_servo;

@@ -1,6 +1,6 @@
 //! The `[channels]` table of a model file: names and units of foreign logs.
 
-use super::names::{Meaning, suffix};
+use super::names::{Meaning, seconds_per_unit, suffix};
 use btr_core::log::Role;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -14,6 +14,9 @@ pub struct Mapping {
     /// The CSV column that holds the time in seconds (`_ms`, `_us` and `_ns` at the end of its name are recognised).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time: Option<String>,
+    /// The unit of that column where its name does not say it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_unit: Option<TimeUnit>,
     /// btr's name = the log's name, with a factor where its unit is another: `q_elbow = { column = "elbow", factor =
     /// 0.0175 }`.
     /// `{joint}` on both sides stands for any joint: `"cmd_{joint}" = "q_cmd_{joint}"`.
@@ -35,6 +38,42 @@ pub struct Mapping {
     /// Where things are in an MCAP file.
     #[serde(skip_serializing_if = "is_default")]
     pub topics: Topics,
+}
+
+/// A unit of time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum TimeUnit {
+    /// Seconds.
+    S,
+    /// Milliseconds.
+    Ms,
+    /// Microseconds.
+    Us,
+    /// Nanoseconds.
+    Ns,
+}
+
+impl TimeUnit {
+    /// Its symbol.
+    pub fn name(self) -> &'static str {
+        match self {
+            TimeUnit::S => "s",
+            TimeUnit::Ms => "ms",
+            TimeUnit::Us => "us",
+            TimeUnit::Ns => "ns",
+        }
+    }
+
+    /// Its length in s.
+    pub fn seconds(self) -> f64 {
+        match self {
+            TimeUnit::S => 1.0,
+            TimeUnit::Ms => 1e-3,
+            TimeUnit::Us => 1e-6,
+            TimeUnit::Ns => 1e-9,
+        }
+    }
 }
 
 /// What a log calls a channel.
@@ -108,6 +147,11 @@ fn is_default(topics: &Topics) -> bool {
 }
 
 impl Mapping {
+    /// Seconds per unit of a time column: as stated, or by the end of its name.
+    pub(crate) fn seconds_per_unit(&self, column: &str) -> f64 {
+        self.time_unit.map_or_else(|| seconds_per_unit(column), TimeUnit::seconds)
+    }
+
     /// The meaning of a foreign name; `None` when the mapping does not know it.
     pub(crate) fn meaning(&self, theirs: &str) -> Option<Meaning> {
         let exact = self.channels.iter().find(|(_, t)| t.name() == theirs).map(|(ours, t)| (ours.clone(), t));

@@ -88,7 +88,7 @@ pub(super) fn is_doubled(name: &str) -> bool {
 }
 
 /// Seconds per unit of a time column.
-pub(crate) fn seconds_per_unit(column: &str) -> f64 {
+pub(super) fn seconds_per_unit(column: &str) -> f64 {
     match column.rsplit_once('_').map(|(_, unit)| unit) {
         Some("ms") => 1e-3,
         Some("us") => 1e-6,

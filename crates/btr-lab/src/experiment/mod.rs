@@ -12,8 +12,8 @@ mod stated;
 
 pub(crate) use file::USUAL_STEPS;
 pub use file::{
-    CommandSection, DriveSection, File, LogIndexSection, LogsSection, NoiseSection, RealitySource, SimulationSection,
-    TwinSection,
+    ActuatorSection, CommandSection, DriveSection, File, LogIndexSection, LogsSection, NoiseSection, RealitySource,
+    SimulationSection, TwinSection,
 };
 pub use loaded::Experiment;
 pub use logs::batch::{DamagedLogs, LeftOutLog};

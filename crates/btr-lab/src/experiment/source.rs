@@ -3,6 +3,7 @@
 use super::file::File;
 use super::stated;
 use super::stated::Misstated;
+use crate::robot_format::RobotFormat;
 use crate::suggest::nearest;
 use btr_core::text::{Mention, Text};
 use btr_physics::effects::Laws;
@@ -50,6 +51,18 @@ fn unreadable(path: &Path, message: String) -> FileError {
     FileError { path: path.to_owned(), line: 0, column: 0, message: message.into(), help }
 }
 
+/// A file that is no TOML: of a robot's description, how to make a model of it.
+fn not_toml(path: &Path) -> FileError {
+    match RobotFormat::of(path) {
+        None => unreadable(path, "not a TOML file".to_owned()),
+        Some(format) => {
+            let message = format!("{}, not a model file, which also says how the robot is driven", format.words());
+            let help = Some(Mention::NewModel(path.display().to_string()).into());
+            FileError { help, ..unreadable(path, message) }
+        }
+    }
+}
+
 /// Text with the name of its file, for error messages.
 #[derive(Clone, Debug)]
 pub struct Source {
@@ -74,7 +87,7 @@ impl Source {
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let refused = |message: String| unreadable(path, message);
         if path.is_file() && path.extension().is_some_and(|ending| ending != "toml") {
-            return Err(refused("not a TOML file".to_owned()));
+            return Err(not_toml(path));
         }
         let text = btr_io::read_text(path).map_err(|e| {
             let help =

@@ -1,6 +1,7 @@
 //! A model: a robot with its effects, free parameters, drive and fitness. It defines the space of simulations that all
 //! searches use.
 
+mod accelerations;
 pub mod parameter;
 mod outline;
 mod request;

@@ -1,5 +1,6 @@
 """The command `btr`."""
 
+import os
 import signal
 import sys
 
@@ -10,6 +11,8 @@ def main() -> int:
     """Runs the command line and returns the exit code."""
     # By default Python handles Ctrl-C only after the compiled call returns.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # `btr new` reads MuJoCo models and xacro files with this interpreter.
+    os.environ.setdefault("BTR_PYTHON", sys.executable)
     return command(["btr", *sys.argv[1:]])
 
 

@@ -31,6 +31,7 @@ __all__ = [
     "log_of_columns",
     "log_of_messages",
     "measured",
+    "new_model",
     "renamed",
     "searches",
     "serve",
@@ -93,6 +94,13 @@ class Model:
     def simulate(
         self, log: Log | str | PathLike[str] | None = ..., seed: int | None = ..., begins: _Begins | None = ...
     ) -> Log: ...
+    def accelerations(
+        self,
+        q: Sequence[float],
+        dq: Sequence[float],
+        torques: Sequence[float],
+        base: tuple[Sequence[float], Sequence[float]] | None = ...,
+    ) -> list[float]: ...
     @property
     def spaces(self) -> tuple[str, str]: ...
     @property
@@ -141,6 +149,7 @@ def log_of_messages(
     model: Model | None,
 ) -> Log: ...
 
+def new_model(description: str) -> str: ...
 def renamed(log: Log, model: Model) -> Log: ...
 def time_of(columns: Sequence[str], model: Model | None) -> tuple[str, float] | None: ...
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from btr import _btr
 from btr import _laws as own
@@ -21,6 +21,9 @@ from btr._sources import LogLike, given
 from btr.controller import Controller
 from btr.documents import Dimension
 from btr.exported import Exported
+
+
+_NOT_REPRESENTED = "# not represented: "
 
 
 class Model:
@@ -35,6 +38,36 @@ class Model:
         self._laws = dict(laws or {})
         self._model = _btr.Model(text, Path(path), functions)
         own.must_fit(self._laws, self._model.laws)
+
+    @classmethod
+    def from_mujoco(cls, model: Any, *, root: str | None = None) -> Model:
+        """A model of the robot in a compiled MuJoCo model: a `mujoco.MjModel`, a `mujoco.MjSpec`, or the path of an
+        MJCF, URDF or `.mjb` file. Needs the package mujoco (`btr[mujoco]`).
+
+        Bodies, inertias, hinges, slides, a free base, rotors (armature), damping, frictionloss, springs, ranges, linear
+        equalities of two joints, gravity, the time step, contact shapes on a floating base, and one actuator per joint
+        (motor, position, velocity, DC motor, or a general one with an affine bias; with its gear, force limits, filter
+        and delay) become btr's. The model's text holds the robot's URDF; masses and gains are free. Everything else is
+        listed in `not_represented`. Where an actuator has a gear or a gain, btr's command is not MuJoCo's control but a
+        position or a torque at the joint; the text says the factor.
+
+        `root` is the first body of the robot in a scene with several. Without it, bodies that only float are objects
+        beside the robot and are left out.
+
+        Raises `BtrError` for what would make the model false (closed loops, flexes, ball joints, gravity not along z),
+        for several robots, and if MuJoCo does not compile the file; `ImportError` without mujoco; `TypeError` for
+        anything that is no model."""
+        from btr._mujoco import described
+
+        robot = described(model, root)
+        return cls(_btr.new_model(json.dumps(robot)), f"{robot['name'].replace('/', '_')}.toml")
+
+    @property
+    def not_represented(self) -> list[str]:
+        """What the robot's own file states and btr cannot represent, in words: the lines `# not represented: ...` of
+        the text, which `from_mujoco` and `btr new` write."""
+        marked = (line.partition(_NOT_REPRESENTED) for line in self.text.splitlines())
+        return [what for before, mark, what in marked if mark and not before]
 
     @property
     def text(self) -> str:
@@ -73,6 +106,26 @@ class Model:
         seed = None if seed is None else count(seed, "seed")
         commands, start = _commands_of(log, self._model)
         return self._model.simulate(commands, seed, start)
+
+    def accelerations(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        torques: ArrayLike,
+        *,
+        base: tuple[ArrayLike, ArrayLike] | None = None,
+    ) -> NDArray[np.float64]:
+        """Forward dynamics in a state: of links, rotors, springs and damping under gravity and `torques`; without
+        motors, dry friction, limits and contacts. `q`, `dq` and `torques` have shape (len(self.joints),), in rad, rad/s
+        and N·m (m, m/s and N for slides). `base` is a floating base's pose (7,), x, y, z in m and the quaternion w, x,
+        y, z, and its velocity (6,), linear in m/s and angular in rad/s, in the world's axes.
+
+        Returns the joints' accelerations in rad/s² (m/s²), after those of a floating base: three angular ones in rad/s²
+        and three linear ones in m/s², in the world's axes. Raises `ValueError` for wrong shapes."""
+        many = len(self.joints)
+        held = None if base is None else (_row(base[0], 7, "base's pose"), _row(base[1], 6, "base's velocity"))
+        state = _row(q, many, "q"), _row(dq, many, "dq"), _row(torques, many, "torques")
+        return np.array(self._model.accelerations(*state, held), dtype=np.float64)
 
     @property
     def parameters(self) -> list[Dimension]:
@@ -211,6 +264,13 @@ class Model:
 
     def __repr__(self) -> str:
         return f"<Model {self.path}: {', '.join(self.joints)}>"
+
+
+def _row(values: ArrayLike, many: int, what: str) -> list[float]:
+    array = floats(values, f"{what} has numbers")
+    if array.shape != (many,):
+        raise ValueError(f"{what} has shape {array.shape}, but ({many},) is needed")
+    return list(map(float, array))
 
 
 def _commands_of(log: LogLike | Controller | None, model: _btr.Model) -> tuple[Log | Path | None, _btr._Begins | None]:

@@ -23,6 +23,9 @@ fn named(mention: &Mention) -> String {
         Mention::RunAgain => "go on with resume=True",
         Mention::ModelUse => "for load_model",
         Mention::LoadLog => "give what btr.load_log makes of it",
+        Mention::NewModel(robot) => {
+            return format!("`python -m btr new {robot} -o model.toml` writes a model file to start from");
+        }
         Mention::Pipe => "save what a pipe gives to a file first",
         Mention::OtherName => "give it another name, or write with overwrite=True what may be lost",
     }

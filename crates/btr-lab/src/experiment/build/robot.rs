@@ -14,11 +14,13 @@ use std::path::Path;
 impl Builder<'_> {
     pub(crate) fn robot(&self) -> Result<Robot, FileError> {
         let section = &self.file.robot;
-        let mut robot = match (&section.builtin, &section.urdf) {
-            (Some(name), None) => self.builtin(name)?,
-            (None, Some(path)) => {
-                let base = section.base.unwrap_or(Base::Fixed);
-                self.urdf(&self.source.folder().join(path), base)?
+        let base = section.base.unwrap_or(Base::Fixed);
+        let mut robot = match (&section.builtin, &section.urdf, &section.urdf_text) {
+            (Some(name), None, None) => self.builtin(name)?,
+            (None, Some(path), None) => self.urdf(&self.source.folder().join(path), base)?,
+            (None, None, Some(text)) => {
+                let invalid = |e: UrdfError| self.error(&["robot", "urdf_text"], e, None);
+                urdf::parse_urdf(text, base).map(|(robot, _)| robot).map_err(invalid)?
             }
             _ => {
                 let help = "builtin = \"ant\", \"nao\" or \"pendulum\"; or urdf = \"robot.urdf\"";

@@ -16,7 +16,7 @@ pub use logs::{LogIndexSection, LogsSection};
 pub(crate) use parameters::{EffectSection, ParameterSection};
 pub use reality::{CommandSection, RealitySource, TwinSection};
 pub(crate) use reality::{DriftSection, RealitySection, TwinParameters};
-pub(crate) use robot::ActuatorSection;
+pub use robot::ActuatorSection;
 pub(crate) use simulation::USUAL_STEPS;
 pub use simulation::{NoiseSection, SimulationSection};
 pub use whole::File;

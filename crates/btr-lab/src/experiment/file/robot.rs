@@ -13,6 +13,9 @@ pub struct RobotSection {
     pub builtin: Option<String>,
     /// Path of a URDF, relative to this file.
     pub urdf: Option<PathBuf>,
+    /// The URDF itself, instead of its path. Models made from a compiled MuJoCo model have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub urdf_text: Option<String>,
     /// Fixed or floating base of a URDF robot; built-in robots define their own.
     #[serde(default)]
     pub base: Option<Base>,

@@ -41,6 +41,19 @@ pub fn parse_urdf(text: &str, base: Base) -> Result<(Robot, Vec<UrdfWarning>), U
     Ok((Robot { name: urdf.name, base, start: Isometry3::identity(), links }, warnings))
 }
 
+/// The limits of torque that a URDF states (`effort`, N·m; N for slides), by joint: above 0, and below what stands for
+/// none. A robot has them only if its model says so.
+///
+/// # Errors
+/// See [`parse_urdf`].
+pub fn efforts(text: &str) -> Result<Vec<(String, f64)>, UrdfError> {
+    const NONE: f64 = 1e5;
+    check_depth(text)?;
+    let urdf = urdf_rs::read_from_string(text).map_err(|e| UrdfError::Syntax { what: e.to_string() })?;
+    let stated = urdf.joints.into_iter().map(|joint| (joint.name, joint.limit.effort));
+    Ok(stated.filter(|(_, effort)| *effort > 0.0 && *effort < NONE).collect())
+}
+
 /// Refuses elements that lie so deep inside each other that reading them would overflow the stack. Broken XML is left
 /// to the reader.
 fn check_depth(text: &str) -> Result<(), UrdfError> {

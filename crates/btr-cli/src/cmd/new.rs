@@ -1,0 +1,72 @@
+//! `btr new`: a model file to start from, made of a robot's file and logs.
+
+use super::common;
+use crate::args::{Global, NewArgs};
+use crate::exit::DONE;
+use btr_lab::experiment;
+use btr_lab::experiment::Source;
+use btr_lab::failure::Failure;
+use btr_lab::model_text::moved;
+use btr_lab::new_model::{LogColumns, RobotFile, UrdfPlace, written};
+use btr_lab::output::{OutputKind, guard};
+use btr_lab::verbs::AddError;
+use btr_physics::robot::Base;
+use btr_physics::robot::urdf::parse_urdf;
+use std::path::Path;
+
+pub(crate) fn run(args: &NewArgs, global: &Global) -> Result<u8, Failure> {
+    let urdf_file = args.output.with_extension("urdf");
+    guard(OutputKind::Model.at(Some(&args.output)), std::iter::once(args.robot.clone()).chain(args.logs.clone()))?;
+    keep(&args.output, args)?;
+    let file = RobotFile::read(&args.robot, args.root.as_deref())?;
+    if !file.is_urdf {
+        keep(&urdf_file, args)?;
+    }
+    let base = args.base.as_deref().map(|word| if word == "fixed" { Base::Fixed } else { Base::Floating });
+    let (robot, _) = parse_urdf(&file.robot.urdf, Base::Fixed)
+        .map_err(|e| Failure::new("robot", format!("{}: {e}", args.robot.display()), None))?;
+    let columns = LogColumns::matched(&args.logs, &robot)?;
+    let named = if file.is_urdf { &args.robot } else { &urdf_file };
+    let name = named.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let draft = written(&file.robot, &columns, base, &UrdfPlace::File(name))?;
+    let (from, into) = (folder(named), folder(&args.output));
+    let text = moved(&draft.text, from, into).map_err(AddError::from)?;
+    if !file.is_urdf {
+        common::write_text(&urdf_file, &file.robot.urdf)?;
+    }
+    common::write_text(&args.output, &text)?;
+    // Whether btr itself can read what it wrote.
+    experiment::model(&Source::read(&args.output)?)?;
+    tell(args, global, &file, &draft.told, &urdf_file);
+    Ok(DONE)
+}
+
+/// Refuses to overwrite, unless that was asked for.
+fn keep(path: &Path, args: &NewArgs) -> Result<(), Failure> {
+    if path.exists() && !args.overwrite {
+        let message = format!("{} exists", path.display());
+        return Err(Failure::new("output", message, Some("give another name, or --overwrite".into())));
+    }
+    Ok(())
+}
+
+fn folder(path: &Path) -> &Path {
+    path.parent().unwrap_or(Path::new(""))
+}
+
+fn tell(args: &NewArgs, global: &Global, file: &RobotFile, guesses: &[String], urdf_file: &Path) {
+    let lacking = &file.robot.not_represented;
+    if global.json {
+        let document = serde_json::json!({
+            "ok": true, "model": args.output, "urdf": if file.is_urdf { &args.robot } else { urdf_file },
+            "guesses": guesses, "not_represented": lacking,
+        });
+        println!("{document}");
+    } else if !global.quiet {
+        println!("{}: a model of {} joints", args.output.display(), file.robot.joints.len());
+        guesses.iter().for_each(|guess| println!("guess: {guess}"));
+        lacking.iter().for_each(|what| println!("not represented: {what}"));
+        let logs = if args.logs.is_empty() { "LOG..." } else { "the same logs" };
+        println!("next: see what says GUESS or FILL IN in it, then btr check {} with {logs}", args.output.display());
+    }
+}

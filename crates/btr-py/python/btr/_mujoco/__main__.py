@@ -1,0 +1,23 @@
+"""`python -m btr._mujoco FILE [ROOT]`: the robot of a MuJoCo model as JSON, for the command `btr`."""
+
+import json
+import sys
+
+from btr._btr import BtrError
+from btr._mujoco import described
+
+
+def main() -> int:
+    """Prints the description, or the error, as one JSON document. Returns the exit code."""
+    path, *root = sys.argv[1:]
+    try:
+        print(json.dumps({"robot": described(path, *root)}))
+    except (BtrError, ImportError) as error:
+        message, _, help_ = str(error).partition("\nhelp: ")
+        print(json.dumps({"error": {"message": message, "help": help_ or None}}))
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
