@@ -1,6 +1,5 @@
 //! One file per verb.
 
-pub(crate) mod add;
 pub(crate) mod check;
 pub(crate) mod coevolve;
 pub(crate) mod common;
@@ -8,9 +7,8 @@ pub(crate) mod compare;
 pub(crate) mod convert;
 pub(crate) mod diagnose;
 pub(crate) mod effects;
-pub(crate) mod export;
 pub(crate) mod fit;
 pub(crate) mod generated;
 pub(crate) mod info;
-pub(crate) mod new;
+pub(crate) mod models;
 pub(crate) mod simulate;

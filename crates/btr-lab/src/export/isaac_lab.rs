@@ -22,8 +22,8 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
         classes.collect::<Vec<_>>().join(", "),
         exported.text
     );
-    exported.left.extend(rest::lines(&facts, &request.outline.elsewhere));
-    exported.effects = rest::document(&facts, &request.outline.elsewhere);
+    exported.left.extend(rest::lines(&facts, &request.outline.others));
+    exported.effects = rest::document(&facts, &request.outline.others);
     Ok(exported)
 }
 

@@ -70,20 +70,27 @@ pub fn export(source: &Source, format: &Format, file: Option<PathBuf>, step_s: f
     let parsed = source.parse()?;
     let model = model(source)?;
     let outline = model.outline().map_err(|error| Failure::simulation(&error, &[]))?;
-    let own = || parsed.robot.urdf.as_ref().filter(|_| format.name == "urdf").map(|urdf| source.folder().join(urdf));
+    let is_urdf = format.name == "urdf";
+    let own = || parsed.robot.urdf.as_ref().filter(|_| is_urdf).map(|urdf| source.folder().join(urdf));
     let path = if format.changes_a_file { file.or_else(own) } else { None };
-    if path.is_none() && format.changes_a_file {
-        let message = format!("{} changes a file of yours, and none is given", format.name);
-        let help = format!("name it: btr export {} ROBOT --to {} -o OUT", source.path.display(), format.name);
-        return Err(Failure::new("usage", message, Some(help.into())));
-    }
-    let text = path.as_ref().map(|path| read(path)).transpose()?.unwrap_or_default();
+    let inside = parsed.robot.urdf_text.clone().filter(|_| is_urdf);
+    let text = match &path {
+        Some(path) => read(path)?,
+        None if !format.changes_a_file => String::new(),
+        None => inside.ok_or_else(|| without_file(source, format))?,
+    };
     let request =
         Request { name: source.path.display().to_string(), model: &model, outline: &outline, text: &text, step_s };
     (format.write)(&request).map_err(|message| {
         let path = path.unwrap_or_else(|| source.path.clone());
         Failure::from(FileError { path, line: 0, column: 0, message: message.into(), help: None })
     })
+}
+
+fn without_file(source: &Source, format: &Format) -> Failure {
+    let message = format!("{} changes a file of yours, and none is given", format.name);
+    let help = format!("name it: btr export {} ROBOT --to {} -o OUT", source.path.display(), format.name);
+    Failure::new("usage", message, Some(help.into()))
 }
 
 fn read(path: &std::path::Path) -> Result<String, Failure> {

@@ -20,9 +20,9 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
     let File { changes, mut exported, .. } = file;
     exported.text = changes.apply(text);
     facts.iter_mut().for_each(JointFacts::leave_delay);
-    let elsewhere = &request.outline.elsewhere;
-    exported.left.extend(rest::lines(&facts, elsewhere));
-    exported.effects = rest::document(&facts, elsewhere);
+    let others = &request.outline.others;
+    exported.left.extend(rest::lines(&facts, others));
+    exported.effects = rest::document(&facts, others);
     Ok(exported)
 }
 
@@ -106,7 +106,7 @@ impl<'a, 'i> File<'a, 'i> {
             self.exported.left.push(what);
             return;
         };
-        // btr's link has its frame at the joint, a body may have its joint elsewhere.
+        // btr's link has its frame at the joint, a body may have its joint others.
         let joint = children(body, "joint").next().and_then(|joint| numbers_of(joint, "pos"));
         let at = |k: usize| joint.as_ref().and_then(|pos| pos.get(k).copied()).unwrap_or(0.0);
         let (c, i) = (&link.com_m, &link.inertia_kg_m2);

@@ -5,9 +5,9 @@ use btr_physics::effects::{Param, PlacedEffect};
 use serde_json::{Map, Value, json};
 
 /// A line for each effect that is left.
-pub(super) fn lines(joints: &[JointFacts], elsewhere: &[PlacedEffect]) -> Vec<String> {
+pub(super) fn lines(joints: &[JointFacts], others: &[PlacedEffect]) -> Vec<String> {
     let of_joints = joints.iter().flat_map(|joint| joint.left.iter().map(|placed| (joint.name.as_str(), placed)));
-    let all = of_joints.chain(elsewhere.iter().map(|placed| (placed.site.as_str(), placed)));
+    let all = of_joints.chain(others.iter().map(|placed| (placed.site.as_str(), placed)));
     all.map(|(site, placed)| format!("{site}: {}", said(placed))).collect()
 }
 
@@ -27,7 +27,7 @@ pub(super) fn gains(joint: &JointFacts) -> Option<String> {
 
 /// The effects that are left, as JSON: those of each joint in the order in which they act, with their parameters in SI
 /// units. `None` without any.
-pub(super) fn document(joints: &[JointFacts], elsewhere: &[PlacedEffect]) -> Option<String> {
+pub(super) fn document(joints: &[JointFacts], others: &[PlacedEffect]) -> Option<String> {
     let effect = |placed: &PlacedEffect| {
         let values = placed.effect.spec().params.iter().zip(&placed.values);
         let named = std::iter::once(("effect".to_owned(), json!(placed.effect.spec().name)));
@@ -37,9 +37,9 @@ pub(super) fn document(joints: &[JointFacts], elsewhere: &[PlacedEffect]) -> Opt
     let with_effects = joints.iter().filter(|joint| !joint.left.is_empty());
     let of_joints: Map<String, Value> =
         with_effects.map(|joint| (joint.name.clone(), effects(&joint.left).into())).collect();
-    if of_joints.is_empty() && elsewhere.is_empty() {
+    if of_joints.is_empty() && others.is_empty() {
         return None;
     }
-    let document = json!({ "joints": of_joints, "robot": effects(elsewhere) });
+    let document = json!({ "joints": of_joints, "robot": effects(others) });
     serde_json::to_string_pretty(&document).ok().map(|text| text + "\n")
 }

@@ -14,9 +14,9 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
         joint.leave_dynamics();
         joint.leave_friction();
     }
-    exported.left = rest::lines(&facts, &request.outline.elsewhere);
+    exported.left = rest::lines(&facts, &request.outline.others);
     exported.left.extend(facts.iter().filter_map(rest::gains));
-    exported.effects = rest::document(&facts, &request.outline.elsewhere);
+    exported.effects = rest::document(&facts, &request.outline.others);
     Ok(exported)
 }
 

@@ -27,13 +27,13 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
             None => file.exported.left.push(format!("{}: no such link in the file", link.name)),
         }
     }
-    let elsewhere = &request.outline.elsewhere;
+    let others = &request.outline.others;
     let File { changes, mut exported, .. } = file;
     exported.text = changes.apply(text);
     facts.iter_mut().for_each(JointFacts::leave_dynamics);
-    exported.left.extend(rest::lines(&facts, elsewhere));
+    exported.left.extend(rest::lines(&facts, others));
     exported.left.extend(facts.iter().filter_map(rest::gains));
-    exported.effects = rest::document(&facts, elsewhere);
+    exported.effects = rest::document(&facts, others);
     Ok(exported)
 }
 

@@ -2,8 +2,8 @@
 //! searches use.
 
 mod accelerations;
-pub mod parameter;
 mod outline;
+pub mod parameter;
 mod request;
 mod rollouts;
 mod standard;

@@ -15,7 +15,7 @@ pub struct Outline {
     /// The effects in each joint, in the order of [`Robot::movable`].
     pub joints: Vec<Vec<PlacedEffect>>,
     /// The effects on the base, the ground or the whole robot.
-    pub elsewhere: Vec<PlacedEffect>,
+    pub others: Vec<PlacedEffect>,
 }
 
 impl Model {
@@ -31,7 +31,7 @@ impl Model {
         let effects = in_force(&effects)?;
         let robot = apply_static_effects(&robot, &effects, Cow::Owned(setup))?.0.into_owned();
         let mut joints = vec![Vec::new(); robot.movable().count()];
-        let mut elsewhere = Vec::new();
+        let mut others = Vec::new();
         for placed in effects {
             match placed.effect.spec().site {
                 SiteKind::Joint => {
@@ -39,9 +39,9 @@ impl Model {
                 }
                 // Applied to the robot.
                 SiteKind::Link => {}
-                SiteKind::Base | SiteKind::Ground | SiteKind::Robot => elsewhere.push(placed),
+                SiteKind::Base | SiteKind::Ground | SiteKind::Robot => others.push(placed),
             }
         }
-        Ok(Outline { robot, joints, elsewhere })
+        Ok(Outline { robot, joints, others })
     }
 }

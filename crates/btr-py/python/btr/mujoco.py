@@ -34,8 +34,8 @@ _COMMANDS: dict[str, Callable[[Values, float], Callable[[float, float], float]]]
 class EffectStepper:
     """Steps a MuJoCo model with further effects.
 
-    Commands are changed before they reach the actuators (dead time, lag, rate limit, dead band, offset), dry friction
-    is set anew in each step (Stribeck's, load-dependent, asymmetric), and torques are added (cogging, drag). What of
+    Commands are changed before they reach the actuators (dead time, lag, rate limit, dead bands, steps, offset), dry
+    friction is set anew in each step (Stribeck's, load-dependent, asymmetric), and torques are added (cogging, drag). What of
     the effects it does not know is in `ignored`."""
 
     def __init__(self, model: Any, effects: Mapping[str, Any] | str | os.PathLike[str]) -> None:
@@ -82,7 +82,8 @@ class _Joint:
         try:
             joint = model.joint(name)
         except KeyError:
-            raise BtrError(f"the MuJoCo model has no joint `{name}`\nhelp: export into the file of this model") from None
+            missing = f"the MuJoCo model has no joint `{name}`\nhelp: export into the file of this model"
+            raise BtrError(missing) from None
         self.name = name
         self._at, self._dof = int(joint.qposadr[0]), int(joint.dofadr[0])
         drives = (model.actuator_trntype == 0) & (model.actuator_trnid[:, 0] == joint.id)
@@ -183,6 +184,22 @@ def _offset(values: Values, dt_s: float) -> Callable[[float, float], float]:
     return lambda command, q: command + values["offset"]
 
 
+def _resolution(values: Values, dt_s: float) -> Callable[[float, float], float]:
+    step = values["step"]
+    return lambda command, q: step * math.copysign(math.floor(abs(command) / step + 0.5), command)
+
+
+def _hysteresis(values: Values, dt_s: float) -> Callable[[float, float], float]:
+    goal: list[float] = []
+
+    def kept(command: float, q: float) -> float:
+        if not goal or abs(command - goal[0]) > values["band"]:
+            goal[:] = [command]
+        return goal[0]
+
+    return kept
+
+
 def _reads_off(values: Values, dt_s: float) -> Callable[[float, float], float]:
     return lambda command, q: command - values["offset"]
 
@@ -193,6 +210,8 @@ _COMMANDS.update(
     motor_lag=_lag,
     command_deadband=_deadband,
     command_offset=_offset,
+    command_resolution=_resolution,
+    command_hysteresis=_hysteresis,
     # The servo closes its loop on what its encoder reads.
     encoder_offset=_reads_off,
 )

@@ -1,7 +1,7 @@
 //! `btr export`: writes what a model says into files of other simulators.
 
-use super::common;
 use crate::args::{ExportArgs, Global};
+use crate::cmd::common;
 use crate::exit::DONE;
 use btr_lab::export::{FORMATS, export};
 use btr_lab::failure::Failure;
