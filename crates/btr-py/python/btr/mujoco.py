@@ -35,8 +35,8 @@ class EffectStepper:
     """Steps a MuJoCo model with further effects.
 
     Commands are changed before they reach the actuators (dead time, lag, rate limit, dead bands, steps, offset), dry
-    friction is set anew in each step (Stribeck's, load-dependent, asymmetric), and torques are added (cogging, drag). What of
-    the effects it does not know is in `ignored`."""
+    friction is set anew in each step (Stribeck's, load-dependent, asymmetric), and torques are added (cogging, drag).
+    What of the effects it does not know is in `ignored`."""
 
     def __init__(self, model: Any, effects: Mapping[str, Any] | str | os.PathLike[str]) -> None:
         """`model` is a `mujoco.MjModel`, and `effects` a file that an export has written, or its content. Raises
