@@ -25,10 +25,10 @@ import numpy as np
 from btr._btr import BtrError
 from btr._optional import needed
 
-Values = Mapping[str, float]
+_Values = Mapping[str, float]
 
 # Each makes a filter of a joint's command from an effect's values, the time step in s and the joint's position.
-_COMMANDS: dict[str, Callable[[Values, float], Callable[[float, float], float]]] = {}
+_COMMANDS: dict[str, Callable[[_Values, float], Callable[[float, float], float]]] = {}
 
 
 class EffectStepper:
@@ -43,10 +43,14 @@ class EffectStepper:
         `BtrError` for a joint that the model does not have."""
         self._mujoco = needed("mujoco", "mujoco")
         self._model = model
+        given: Mapping[str, Any]
         if isinstance(effects, (str, os.PathLike)):
-            effects = json.loads(Path(effects).read_text(encoding="utf-8"))
-        self.ignored: list[str] = [f"robot: {values['effect']}" for values in effects.get("robot", [])]
-        self._joints = [_Joint(model, name, found) for name, found in effects.get("joints", {}).items()]
+            given = json.loads(Path(effects).read_text(encoding="utf-8"))
+        else:
+            given = effects
+        self.ignored: list[str] = [f"robot: {values['effect']}" for values in given.get("robot", [])]
+        """The effects that it does not know, as `joint: effect`."""
+        self._joints = [_Joint(model, name, found) for name, found in given.get("joints", {}).items()]
         for joint in self._joints:
             self.ignored.extend(joint.ignored)
         self._frictionloss = np.array(model.dof_frictionloss)
@@ -142,7 +146,7 @@ def _ago(past: deque[float], steps: float) -> float:
     return newer + part * (older - newer)
 
 
-def _delay(values: Values, dt_s: float) -> Callable[[float, float], float]:
+def _delay(values: _Values, dt_s: float) -> Callable[[float, float], float]:
     steps = values["delay"] / dt_s
     past: deque[float] = deque(maxlen=math.ceil(steps) + 2)
 
@@ -165,31 +169,31 @@ def _following(part: Callable[[float], float]) -> Callable[[float, float], float
     return follow
 
 
-def _rate_limit(values: Values, dt_s: float) -> Callable[[float, float], float]:
+def _rate_limit(values: _Values, dt_s: float) -> Callable[[float, float], float]:
     most = values["rate"] * dt_s
     return _following(lambda error: min(max(error, -most), most))
 
 
-def _lag(values: Values, dt_s: float) -> Callable[[float, float], float]:
+def _lag(values: _Values, dt_s: float) -> Callable[[float, float], float]:
     covered = -math.expm1(-dt_s / values["time_constant"])
     return _following(lambda error: error * covered)
 
 
-def _deadband(values: Values, dt_s: float) -> Callable[[float, float], float]:
+def _deadband(values: _Values, dt_s: float) -> Callable[[float, float], float]:
     band = values["band"]
     return lambda command, q: q if abs(command - q) <= band else command - math.copysign(band, command - q)
 
 
-def _offset(values: Values, dt_s: float) -> Callable[[float, float], float]:
+def _offset(values: _Values, dt_s: float) -> Callable[[float, float], float]:
     return lambda command, q: command + values["offset"]
 
 
-def _resolution(values: Values, dt_s: float) -> Callable[[float, float], float]:
+def _resolution(values: _Values, dt_s: float) -> Callable[[float, float], float]:
     step = values["step"]
     return lambda command, q: step * math.copysign(math.floor(abs(command) / step + 0.5), command)
 
 
-def _hysteresis(values: Values, dt_s: float) -> Callable[[float, float], float]:
+def _hysteresis(values: _Values, dt_s: float) -> Callable[[float, float], float]:
     goal: list[float] = []
 
     def kept(command: float, q: float) -> float:
@@ -200,7 +204,7 @@ def _hysteresis(values: Values, dt_s: float) -> Callable[[float, float], float]:
     return kept
 
 
-def _reads_off(values: Values, dt_s: float) -> Callable[[float, float], float]:
+def _reads_off(values: _Values, dt_s: float) -> Callable[[float, float], float]:
     return lambda command, q: command - values["offset"]
 
 
@@ -217,32 +221,32 @@ _COMMANDS.update(
 )
 
 
-def _cogging(v: Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
+def _cogging(v: _Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
     return v["amplitude"] * math.sin(v["order"] * q + v["phase"]), 0.0, 0.0
 
 
-def _drag(v: Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
+def _drag(v: _Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
     return -v["coefficient"] * abs(dq) * dq, 0.0, 0.0
 
 
-def _stribeck(v: Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
+def _stribeck(v: _Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
     # Coulomb's part is in the file, as frictionloss.
     above = max(v["static"] - v["coulomb"], 0.0)
     return 0.0, above * math.exp(-((dq / v["velocity"]) ** 2)), 0.0
 
 
-def _load_dependent(v: Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
+def _load_dependent(v: _Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
     return 0.0, v["ratio"] * abs(load), 0.0
 
 
-def _asymmetric(v: Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
+def _asymmetric(v: _Values, q: float, dq: float, load: float) -> tuple[float, float, float]:
     side = "forward" if dq >= 0.0 else "backward"
     return 0.0, v[f"coulomb_{side}"], v[f"viscous_{side}"]
 
 
 # What an effect adds in a joint: torque in N·m, dry friction in N·m, damping in N·m·s/rad; by its values, position,
 # velocity and the torque of the joint's actuators.
-_TORQUES: dict[str, Callable[[Values, float, float, float], tuple[float, float, float]]] = {
+_TORQUES: dict[str, Callable[[_Values, float, float, float], tuple[float, float, float]]] = {
     "cogging": _cogging,
     "quadratic_drag": _drag,
     "stribeck_friction": _stribeck,
@@ -251,11 +255,11 @@ _TORQUES: dict[str, Callable[[Values, float, float, float], tuple[float, float, 
 }
 
 
-def _as_it_is(v: Values, q: float) -> float:
+def _as_it_is(v: _Values, q: float) -> float:
     return q
 
 
-_READINGS: dict[str, Callable[[Values, float], float]] = {
+_READINGS: dict[str, Callable[[_Values, float], float]] = {
     "encoder_offset": lambda v, q: q + v["offset"],
     "encoder_delay": _as_it_is,
 }
