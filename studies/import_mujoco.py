@@ -53,7 +53,7 @@ MODELS = [
     "dm_control/mujoco/testing/assets/model_with_ball_joints.xml",
 ]
 ROOTS = {"gym/pusher_v5": "r_shoulder_pan_link"}
-ACTING = ("the fluid", "gravity compensation", "the tendon", "a damping that", "a spring that", "of the base's", "gravity's")
+ACTING = ("the fluid", "gravity", "the tendon", "a damping that", "a spring that", "of the base's")
 DRIVING = ("the actuator", "the force of", "of the motor")
 TICK_S, DURATION_S = 0.01, 0.5
 

@@ -54,11 +54,11 @@ fn answer(args: &Args) -> Result<u8, Failure> {
     match &args.verb {
         Verb::Coevolve(coevolve) => cmd::coevolve::run(coevolve, &args.global),
         Verb::Simulate(simulate) => cmd::simulate::run(simulate, &args.global),
-        Verb::New(new) => cmd::new::run(new, &args.global),
+        Verb::New(new) => cmd::model_files::new::run(new, &args.global),
         Verb::Check(check) => cmd::check::run(check, &args.global),
         Verb::Compare(compare) => cmd::compare::run(compare, &args.global),
         Verb::Diagnose(diagnose) => cmd::diagnose::run(diagnose, &args.global),
-        Verb::Add(add) => cmd::add::run(add, &args.global),
+        Verb::Add(add) => cmd::model_files::add::run(add, &args.global),
         Verb::Fit(fit) => cmd::fit::run(fit, &args.global),
         Verb::Effects { name } => cmd::effects::run(name.as_deref(), &args.global),
         Verb::Info { log } => cmd::info::run(log.as_deref(), &args.global),

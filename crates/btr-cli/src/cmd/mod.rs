@@ -1,6 +1,5 @@
 //! One file per verb.
 
-pub(crate) mod add;
 pub(crate) mod check;
 pub(crate) mod coevolve;
 pub(crate) mod common;
@@ -11,5 +10,5 @@ pub(crate) mod effects;
 pub(crate) mod fit;
 pub(crate) mod generated;
 pub(crate) mod info;
-pub(crate) mod new;
+pub(crate) mod model_files;
 pub(crate) mod simulate;

@@ -1,7 +1,7 @@
 //! `btr new`: a model file to start from, made of a robot's file and logs.
 
-use super::common;
 use crate::args::{Global, NewArgs};
+use crate::cmd::common;
 use crate::exit::DONE;
 use btr_lab::experiment;
 use btr_lab::experiment::Source;

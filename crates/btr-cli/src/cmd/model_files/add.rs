@@ -1,7 +1,7 @@
 //! `btr add`: adds an effect to a model, with free parameters.
 
-use super::common;
 use crate::args::{AddArgs, Global};
+use crate::cmd::common;
 use crate::exit::DONE;
 use btr_lab::experiment;
 use btr_lab::failure::Failure;
