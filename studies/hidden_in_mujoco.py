@@ -110,6 +110,8 @@ def on_joint(effect: str, joint: str, rng: np.random.Generator) -> dict[str, flo
         "command_delay": {"delay": 0.02 * size},
         "motor_lag": {"time_constant": 0.03 * size},
         "command_rate_limit": {"rate": 3.5 / size},
+        "command_resolution": {"step": 0.02 * size},
+        "command_hysteresis": {"band": 0.02 * size},
         "command_deadband": {"band": 0.03 * size},
         "backlash": {"gap": 0.03 * size},
         "joint_elasticity": {"stiffness": 20.0 * torque / size, "damping": between(rng, 0.0, 0.01) * torque},
@@ -125,7 +127,11 @@ ON_JOINTS = [
     "motor_lag", "command_rate_limit", "command_deadband", "backlash", "joint_elasticity", "encoder_scale",
     "encoder_offset", "encoder_delay",
 ]  # fmt: skip
-EFFECTS = ["none", *ON_JOINTS, "com_offset", "link_inertia", "gravity_tilt", "voltage_sag", "clock_skew"]
+# A place in this list is part of a case's seed: new effects come last.
+EFFECTS = [
+    "none", *ON_JOINTS, "com_offset", "link_inertia", "gravity_tilt", "voltage_sag", "clock_skew",
+    "command_resolution", "command_hysteresis",
+]  # fmt: skip
 # Links that carry each other's weight; the turret's centre of mass moves in a plane normal to gravity.
 LINKS = {"upper": 0.040, "forearm": 0.0041}
 
@@ -331,6 +337,10 @@ def on_the_way(hidden: Hidden, told: np.ndarray) -> np.ndarray:
     if hidden.on("command_rate_limit"):
         most = hidden.values["rate"] * STEP_S
         return follow(told, lambda error: max(-most, min(most, error)))
+    if hidden.on("command_resolution"):
+        return hidden.values["step"] * np.round(told / hidden.values["step"])
+    if hidden.on("command_hysteresis"):
+        return follow(told, lambda error: error if abs(error) > hidden.values["band"] else 0.0)
     return told
 
 

@@ -171,6 +171,29 @@ fn a_rate_limit_that_only_steps_reach_is_found() {
     assert_missing(&found, "command_rate_limit@elbow", ("command_rate_limit.rate@elbow", 15.0), 0.03);
 }
 
+/// A servo that rounds its commands, and one that ignores small changes of them: no derivative leads to such a size.
+#[test]
+fn the_size_of_what_a_servo_makes_of_commands_comes_from_the_error() {
+    let found = diagnosed(desk_arm(), vec![effect("command_resolution", "elbow", &[0.0307])]);
+    assert_missing(&found, "command_resolution@elbow", ("command_resolution.step@elbow", 0.0307), 1e-3);
+    let found = diagnosed(desk_arm(), vec![effect("command_hysteresis", "shoulder", &[0.025])]);
+    assert_missing(&found, "command_hysteresis@shoulder", ("command_hysteresis.band@shoulder", 0.025), 1e-2);
+}
+
+/// Servos of one kind have one resolution.
+#[test]
+fn a_resolution_of_all_servos_is_one_finding() {
+    let found = diagnosed(desk_arm(), vec![effect("command_resolution", "*", &[0.0205])]);
+    assert_missing(&found, "command_resolution@*", ("command_resolution.step@*", 0.0205), 1e-3);
+}
+
+/// What ignores an error, not a change of the command, has no size in the commands.
+#[test]
+fn a_dead_band_of_the_error_is_no_hysteresis_of_the_command() {
+    let found = diagnosed(desk_arm(), vec![effect("command_deadband", "elbow", &[0.03])]);
+    assert_missing(&found, "command_deadband@elbow", ("command_deadband.band@elbow", 0.03), 0.02);
+}
+
 /// A motor's ripple has the orders of its poles, its slots and the stages of its gear at once.
 #[test]
 fn ripples_of_several_orders_are_found_on_one_joint() {

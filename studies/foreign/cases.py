@@ -75,7 +75,8 @@ def plan(seed: int) -> tuple[str, list[str]]:
             if not set(pair) <= sizes.GAINS:
                 return kind, pair
     options = {"none": ("none",), "outside": sizes.OUTSIDE, "constants": sizes.CONSTANTS}[kind]
-    return kind, [options[turn % len(options)]]
+    drawn = options[turn % len(options)]
+    return "one" if kind == "outside" and drawn in sizes.KNOWN else kind, [drawn]
 
 
 def build(seed: int, integrator: str = "", shows: tuple[float, float] | None = None) -> Case:
@@ -370,7 +371,7 @@ def write(case: Case, folder: Path) -> Files:
     rng = np.random.default_rng([case.seed, 4])
     model = case.told.write(folder, "model")
     truth = None
-    if all(h.effect in sizes.EFFECTS and h.effect != "payload_at_end" for h in case.hidden):
+    if all(h.effect in sizes.KNOWN and h.effect != "payload_at_end" for h in case.hidden):
         soft = softness(case.robot, case.hidden, case.numerics, case.carried)
         inline = [inline_effect(h) for h in case.hidden + soft]
         rotors = known_rotors(case.robot)

@@ -248,7 +248,7 @@ def on_the_way(hidden: Hidden, told: Vector, step_s: float, tick_steps: int) -> 
             before = np.concatenate([told[:1], after[:-1]])
             moved = after - before
             return np.asarray(before + moved * (1.0 - 0.5 * np.abs(moved) / most))
-        case "command_hysteresis":
+        case "command_play":
             half = 0.5 * values["gap"]
             return follow(told, lambda error: error - max(-half, min(half, error)))
         case "command_offset":
@@ -256,8 +256,8 @@ def on_the_way(hidden: Hidden, told: Vector, step_s: float, tick_steps: int) -> 
         case "encoder_offset":
             # The servo works with the reading of its encoder.
             return told - values["offset"]
-        case "command_quantisation":
-            return np.asarray(values["grid"] * np.round(told / values["grid"]))
+        case "command_resolution":
+            return np.asarray(values["step"] * np.round(told / values["step"]))
         case "jittering_delay":
             ticks = math.ceil(len(told) / tick_steps)
             delays = np.random.default_rng(hidden.seed).uniform(0.0, 2.0 * values["delay"], ticks)

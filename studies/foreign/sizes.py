@@ -37,9 +37,11 @@ ON_LINK = ("payload", "com_offset", "link_inertia", "payload_at_end")
 ON_ROBOT = {"gravity_tilt": "base", "voltage_sag": "*", "clock_skew": "*"}
 EFFECTS = (*ON_JOINT, *ON_LINK, *ON_ROBOT)
 OUTSIDE = (
-    "hysteretic_deadband", "command_quantisation", "jittering_delay", "coupled_joints", "posture_gain",
-    "command_hysteresis", "dropped_commands", "posture_friction", "cable", "integral_gain",
+    "hysteretic_deadband", "command_resolution", "jittering_delay", "coupled_joints", "posture_gain",
+    "command_play", "dropped_commands", "posture_friction", "cable", "integral_gain",
 )  # fmt: skip
+# Effects that are drawn with those outside, so that a seed stays the same case, and that the library has.
+KNOWN = (*EFFECTS, "command_resolution")
 CONSTANTS = (
     "armature_stated", "mass_stated", "kp_stated", "kd_stated", "length_stated", "com_stated", "armature_free",
     "mass_free",
@@ -131,11 +133,11 @@ def on_joint(effect: str, where: str, robot: Robot, usual: Usual, rng: Random) -
         "encoder_offset": lambda s: {"offset": min(0.12, 0.03 * s) * side},
         "encoder_delay": lambda s: {"delay": min(0.15, 0.015 * s)},
         "hysteretic_deadband": lambda s: {"sleeps": min(0.05, 0.008 * s), "wakes": min(0.2, 0.03 * s)},
-        "command_quantisation": lambda s: {"grid": min(0.05, 0.01 * s)},
+        "command_resolution": lambda s: {"step": min(0.05, 0.01 * s)},
         "jittering_delay": lambda s: {"delay": min(0.15, 0.03 * s)},
         "coupled_joints": lambda s: {"stiffness": 0.1 * axis.kp * s, "other": float(other)},
         "posture_gain": lambda s: {"share": min(0.6, 0.15 * s), "order": ripple, "phase": phase},
-        "command_hysteresis": lambda s: {"gap": min(0.2, 0.02 * s)},
+        "command_play": lambda s: {"gap": min(0.2, 0.02 * s)},
         "dropped_commands": lambda s: {"per_s": 0.4, "lasts": min(0.6, 0.1 * s)},
         "posture_friction": lambda s: {"torque": 0.5 * torque * s, "phase": phase},
         "cable": lambda s: {"stiffness": 0.5 * axis.kp * s, "slack": float(robot.middle[i]) + 0.2},

@@ -9,6 +9,7 @@ pub mod missing;
 pub mod noise;
 pub mod repeats;
 pub mod ripple;
+pub mod size;
 pub mod smooth;
 pub mod stats;
 pub mod student;

@@ -5,7 +5,7 @@ use super::judge::judge_rivals;
 use super::own;
 use super::refit::{Rival, last_chance, last_chance_of_the_best, race};
 use super::report::{DiagnoseOptions, MissingEffect};
-use super::screen::{StartPoint, screen};
+use super::screen::{StartPoint, is_searched, screen};
 use super::short_parts::from_short_parts;
 use super::state::DiagnosisState;
 use crate::fit::residual_vector::chi;
@@ -103,7 +103,7 @@ fn attempt(
     if judged.is_some() || !leaves_much(objective, &rivals) || !second_looks.allow(objective) {
         return judged.into_iter().collect();
     }
-    let others = not_fitted(&rivals, offered);
+    let others = not_fitted(objective, &rivals, offered);
     let late = last_chance_of_the_best(objective, &state.fit, &others, &rivals[0].fit);
     state.rounds.pop();
     judge_rivals(objective, state, best_of_each(rivals.into_iter().chain(late).collect())).into_iter().collect()
@@ -194,7 +194,7 @@ fn on_the_ground(
     let candidates = objective.candidates();
     if let Some(leader) = rivals.first().filter(|_| leaves_much(objective, &rivals)) {
         let base = unbiased(objective, state);
-        let late = last_chance_of_the_best(objective, &base, &not_fitted(&rivals, offered), &leader.fit);
+        let late = last_chance_of_the_best(objective, &base, &not_fitted(objective, &rivals, offered), &leader.fit);
         rivals = best_of_each(rivals.into_iter().chain(late).collect());
     }
     let Some(leader) = rivals.first().filter(|_| leaves_much(objective, &rivals)) else { return rivals };
@@ -202,7 +202,7 @@ fn on_the_ground(
         let named = |rival: &Rival| candidates[rival.candidate].effect == candidates[*candidate].effect;
         rivals.iter().take(OTHER_SITES).any(named)
     };
-    let other_sites: Vec<usize> = not_fitted(&rivals, offered).into_iter().filter(same).collect();
+    let other_sites: Vec<usize> = not_fitted(objective, &rivals, offered).into_iter().filter(same).collect();
     let base = drop_effect(objective, leader, state).unwrap_or_else(|| state.fit.clone());
     let late = last_chance(objective, &base, &other_sites, &leader.fit);
     best_of_each(rivals.into_iter().chain(late).collect())
@@ -218,9 +218,11 @@ fn unbiased(objective: &Objective, state: &DiagnosisState) -> FitPoint {
     given.flatten().unwrap_or_else(|| state.fit.clone())
 }
 
-fn not_fitted(rivals: &[Rival], offered: &[usize]) -> Vec<usize> {
-    let fitted = |candidate: &&usize| rivals.iter().any(|rival| rival.candidate == **candidate);
-    offered.iter().filter(|candidate| !fitted(candidate)).copied().collect()
+/// The candidates that were not fitted and that a typical size may do for.
+fn not_fitted(objective: &Objective, rivals: &[Rival], offered: &[usize]) -> Vec<usize> {
+    let fitted = |candidate: usize| rivals.iter().any(|rival| rival.candidate == candidate);
+    let is_left = |candidate: &usize| !fitted(*candidate) && !is_searched(objective, *candidate);
+    offered.iter().copied().filter(is_left).collect()
 }
 
 /// Whether there is a leader, and even it leaves more than noise.

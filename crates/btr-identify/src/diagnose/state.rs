@@ -4,6 +4,7 @@ use super::evidence::LogErrors;
 use super::own;
 use super::refit::{FOLLOWER, RESHAPED, Rival};
 use super::report::{Evidence, MissingEffect, RankedCandidate, RivalPoint};
+use super::screen::is_searched;
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL};
 use crate::LadderStep;
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
@@ -103,7 +104,9 @@ impl DiagnosisState {
         self.integrator = self.fit.renew_step_error(objective);
         self.fit.jacobian = None;
         self.fit.solve(objective, SearchBudget::FULL);
-        if self.leaves_something(objective, &self.fit) {
+        if is_searched(objective, found.candidate) {
+            self.fit.sharpen(objective);
+        } else if self.leaves_something(objective, &self.fit) {
             self.fit.polish(objective);
             self.perturb(objective, found.candidate);
         }

@@ -162,6 +162,7 @@ fn begin(objective: &mut Objective, ladder: &mut LadderRecorder) -> Result<FitPo
     let off: Vec<usize> = free.iter().copied().filter(|&k| parameters[k].amplitude).collect();
     let open: Vec<usize> = free.iter().copied().filter(|&k| parameters[k].is_of_any_magnitude()).collect();
     if off.is_empty() && open.is_empty() {
+        fit.search_stairs(objective);
         return Ok(fit);
     }
     // A start that cannot be simulated is skipped: others can.
@@ -184,6 +185,7 @@ fn begin(objective: &mut Objective, ladder: &mut LadderRecorder) -> Result<FitPo
         let other = best_of(if off.is_empty() { at_off } else { next_to_off }, &MAGNITUDES);
         best = other.filter(|other| other.cost < best.cost).unwrap_or(best);
     }
+    best.search_stairs(objective);
     ladder.record(objective, "best of several starts", &best);
     Ok(best)
 }
@@ -192,6 +194,7 @@ fn begin(objective: &mut Objective, ladder: &mut LadderRecorder) -> Result<FitPo
 fn finish(objective: &mut Objective, mut fit: FitPoint, ladder: &mut LadderRecorder, step: &str) -> FinishedSearch {
     fit.jacobian = None;
     fit.solve(objective, SearchBudget::FULL);
+    fit.sharpen(objective);
     let integrator_error = fit.renew_step_error(objective);
     let ended = fit.solve(objective, SearchBudget { jacobians: 2, steps: 8 });
     let solved = fit.cost;

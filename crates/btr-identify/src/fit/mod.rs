@@ -11,6 +11,7 @@ pub(crate) mod residual_vector;
 mod rollouts;
 pub(crate) mod second_look;
 mod settle;
+mod sharpen;
 mod solve;
 mod start;
 mod time_step;

@@ -3,7 +3,7 @@
 use super::objective::{LogSet, Objective};
 use super::residual_vector::{ResidualVector, corrected};
 use super::solve::{FitPoint, cost};
-use crate::residual_model::FitParameter;
+use crate::residual_model::{FitParameter, Parametrisation};
 use btr_core::optimize::QuadraticModel;
 use btr_core::world::WorldError;
 use nalgebra::{DMatrix, DVector};
@@ -65,7 +65,7 @@ impl FitPoint {
     }
 
     /// The same fit at other points, without Jacobians; those where the simulation fails are left out.
-    fn at_points(&self, objective: &Objective, points: Vec<Vec<f64>>) -> Vec<FitPoint> {
+    pub(super) fn at_points(&self, objective: &Objective, points: Vec<Vec<f64>>) -> Vec<FitPoint> {
         let residuals = objective.residuals(&points, LogSet::Learn);
         let fit = |(u, residual): (Vec<f64>, Result<ResidualVector, WorldError>)| {
             let residual = corrected(residual.ok()?, &self.step_error);
@@ -90,7 +90,8 @@ impl FitPoint {
     fn bounded_step(&self, objective: &Objective, jacobian: &DMatrix<f64>) -> Option<(DVector<f64>, Vec<Option<f64>>)> {
         let parameters = objective.parameters();
         let normal = self.quadratic_model(objective, jacobian);
-        let mut pinned: Vec<Option<f64>> = vec![None; self.active.len()];
+        let is_stair = |k: &usize| parameters[*k].law == Parametrisation::Stair;
+        let mut pinned: Vec<Option<f64>> = self.active.iter().map(|k| is_stair(k).then_some(0.0)).collect();
         loop {
             let step = normal.step(0.0, &pinned)?;
             let beyond = |k: usize| {
@@ -143,7 +144,6 @@ mod tests {
     use super::*;
     use crate::fit::{Intervals, SearchBudget, estimates};
     use crate::fixture::{SyntheticModel, parameter};
-    use crate::residual_model::Parametrisation;
 
     const ROWS: usize = 200;
     /// True mass, gain and friction.

@@ -47,6 +47,13 @@ pub trait ResidualModel: Send + Sync {
         None
     }
 
+    /// The coordinates of a parameter in which the cost is a stair ([`Parametrisation::Stair`]) that the residuals of
+    /// some logs without its effect, each with the log's index, suggest; best first, each with the squares that it may
+    /// explain.
+    fn sizes(&self, _parameter: usize, _residuals: &[(usize, &[f64])]) -> Vec<(f64, f64)> {
+        Vec::new()
+    }
+
     /// Whether the work was cancelled. Residuals are then errors ([`WorldError::Cancelled`]), which a search takes for
     /// simulations that fail; its result is discarded.
     fn is_cancelled(&self) -> bool {

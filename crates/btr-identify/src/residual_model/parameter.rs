@@ -14,6 +14,10 @@ pub enum Parametrisation {
     Inverse,
     /// The same for a stiffness: its inverse, the compliance, is felt from 0 on.
     Compliance,
+    /// value = origin + size·u, of something that repeats itself, such as the steps of a quantised command: the cost is
+    /// a stair in it, and small changes say nothing. It is searched in the error
+    /// ([`ResidualModel::sizes`](super::ResidualModel::sizes)), not along derivatives.
+    Stair,
 }
 
 /// A parameter that may be varied.
@@ -46,7 +50,7 @@ impl FitParameter {
     /// The value at a coordinate.
     pub fn value(&self, u: f64) -> f64 {
         match self.law {
-            Parametrisation::Linear => self.origin + self.size * u,
+            Parametrisation::Linear | Parametrisation::Stair => self.origin + self.size * u,
             Parametrisation::Exponential => self.origin * (self.size * u).exp(),
             Parametrisation::Inverse | Parametrisation::Compliance => self.size / u,
         }
@@ -55,7 +59,7 @@ impl FitParameter {
     /// The coordinate of a value.
     pub fn coordinate(&self, value: f64) -> f64 {
         match self.law {
-            Parametrisation::Linear => (value - self.origin) / self.size,
+            Parametrisation::Linear | Parametrisation::Stair => (value - self.origin) / self.size,
             Parametrisation::Exponential => (value / self.origin).ln() / self.size,
             Parametrisation::Inverse | Parametrisation::Compliance => self.size / value,
         }
@@ -64,7 +68,7 @@ impl FitParameter {
     /// d value / d u.
     pub fn slope(&self, u: f64) -> f64 {
         match self.law {
-            Parametrisation::Linear => self.size,
+            Parametrisation::Linear | Parametrisation::Stair => self.size,
             Parametrisation::Exponential => self.size * self.value(u),
             Parametrisation::Inverse | Parametrisation::Compliance => -self.size / (u * u),
         }

@@ -2,7 +2,7 @@
 
 use super::catalogue::law_terms;
 use super::catalogue::law_terms::{TermContext, TermDefinition};
-use super::catalogue::parameters::{model_value, parameter};
+use super::catalogue::parameters::{model_value, parameter, stair};
 use super::catalogue::sites::{has_dry_friction, sites};
 use super::catalogue::values::{Catalogue, StatedValue, similar_to_value};
 use super::problem::{Change, IdentificationProblem};
@@ -96,7 +96,8 @@ impl IdentificationProblem {
             list.push(self.parameters.len());
             let name = format!("{}.{}@{site}", spec.name, param.name);
             let scale = (self.scales.of_unit(param.unit, &site), self.scales.of_bounds(param.unit, &site));
-            self.parameters.push(parameter(name, param, scale, model_value(param, &self.model.setup)));
+            let parameter = parameter(name, param, scale, model_value(param, &self.model.setup));
+            self.parameters.push(if effect.is_of_command() { stair(parameter) } else { parameter });
         }
         let coordinate = |(&shape, value): (&usize, &f64)| {
             let parameter: &FitParameter = &self.parameters[shape];
@@ -227,9 +228,18 @@ impl IdentificationProblem {
         let (name, site) = (effect.spec().name.to_owned(), joint.to_owned());
         let (similar, nested) = (Vec::new(), Vec::new());
         let kind = CandidateKind::Effect;
-        let (ripple, needs) = (None, Needs::Nothing);
-        let candidate =
-            EffectCandidate { kind, effect: name, site, amplitudes, shapes, starts, ripple, similar, nested, needs };
+        let candidate = EffectCandidate {
+            kind,
+            effect: name,
+            site,
+            amplitudes,
+            shapes,
+            starts,
+            ripple: None,
+            similar,
+            nested,
+            needs: Needs::Nothing,
+        };
         let swings = term.swings.map(|i| first + i);
         let channels = if self.model.robot.is_prescribed() { self.shows_in(joint) } else { Vec::new() };
         self.features.push(LawTerm { on: format!("{:?}", term.on).to_lowercase(), term: candidate, swings, channels });

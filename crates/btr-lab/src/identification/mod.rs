@@ -5,6 +5,7 @@ mod assemble;
 mod bare;
 mod candidates;
 mod catalogue;
+mod command_sizes;
 mod contact;
 mod glitches;
 mod input;

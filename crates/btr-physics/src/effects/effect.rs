@@ -138,6 +138,13 @@ pub trait Effect: Sync {
     fn changes_readings(&self) -> bool {
         false
     }
+    /// Whether it turns the command into another one whatever the joint does, in periods of the command that its only
+    /// parameter is the size of. What it makes of a log's commands is then known without a simulation ([`commanded`]).
+    ///
+    /// [`commanded`]: super::commanded
+    fn is_of_command(&self) -> bool {
+        false
+    }
     /// How many of it a joint may have that the motion can tell apart: ripples of unlike orders.
     fn instances(&self) -> usize {
         1

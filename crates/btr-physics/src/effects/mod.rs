@@ -1,12 +1,14 @@
 //! Physical effects that a model may lack. Each effect is a named group of parameters with *off* values, defined in its
 //! own file.
 
+mod commanded;
 mod coupling;
 mod effect;
 mod formula;
 mod readings;
 mod rotor;
 
+pub use commanded::commanded;
 pub use effect::{DryFriction, Effect, EffectSpec, MissingNeighbour, Param, PlacedEffect, SiteKind, TorqueLaw};
 pub use formula::error::FormulaError;
 pub use formula::law::{LawFunction, LawInputs, Laws};
@@ -53,6 +55,8 @@ effects! {
     }
     command {
         command_delay::CommandDelay,
+        command_resolution::CommandResolution,
+        command_hysteresis::CommandHysteresis,
         motor_lag::MotorLag,
         command_rate_limit::CommandRateLimit,
         command_deadband::CommandDeadband,

@@ -3,7 +3,7 @@
 use crate::scene::{G, Told, fast, fast_weightless, hold, last, placed, run, run_with};
 use btr_core::log::Log;
 use btr_physics::drive::Drive;
-use btr_physics::effects::PlacedEffect;
+use btr_physics::effects::{PlacedEffect, commanded};
 use btr_physics::presets::pendulum::pendulum;
 use btr_physics::robot::Actuator;
 
@@ -67,6 +67,39 @@ fn a_dead_band_adds_its_size_to_the_static_error() {
     assert!((60.0 * (0.5 - 0.05 - q) - weight).abs() < 1e-6, "{q} rad");
 }
 
+/// The commands that reach the motor after these, which it is told for 0.1 s each.
+fn reached(effect: PlacedEffect, told: &'static [f64]) -> Vec<f64> {
+    let at = |t: f64| told[((t + 1e-9) / 0.1).floor().min(told.len() as f64 - 1.0) as usize];
+    let log = driven(effect, &Told(at), 0.1 * told.len() as f64);
+    (0..told.len()).map(|k| torque_at(&log, 0.1 * k as f64 + 0.05)).collect()
+}
+
+#[test]
+fn a_goal_is_kept_within_the_band_and_then_given_up_whole() {
+    let told = &[0.3, 0.33, 0.35, 0.36, 0.32, 0.30, 0.5, f64::NAN, 0.49];
+    let reached = reached(placed("command_hysteresis", "hinge", &[0.055]), told);
+    // The first command is the goal whatever the band, also after the motor was off.
+    assert_eq!(reached, [0.3, 0.3, 0.3, 0.36, 0.36, 0.3, 0.5, 0.0, 0.49]);
+}
+
+#[test]
+fn a_resolution_rounds_commands_to_whole_steps() {
+    let told = &[0.31, 0.33, -0.34, 0.024, -0.026, f64::NAN];
+    let reached = reached(placed("command_resolution", "hinge", &[0.05]), told);
+    for (reached, expected) in reached.iter().zip([0.3, 0.35, -0.35, 0.0, -0.05, 0.0]) {
+        assert!((reached - expected).abs() < 1e-12, "{reached}, expected {expected}");
+    }
+}
+
+#[test]
+fn what_effects_make_of_commands_alone_is_what_a_rollout_makes_of_them() {
+    let told = &[0.3, 0.33, 0.35, 0.36, 0.32, 0.30, 0.5, 0.49];
+    for (name, size) in [("command_hysteresis", 0.055), ("command_resolution", 0.05)] {
+        let placed = placed(name, "hinge", &[size]);
+        assert_eq!(commanded(placed.effect, &[size], told, 0.1), reached(placed, told), "{name}");
+    }
+}
+
 #[test]
 fn a_speed_torque_line_leads_to_the_no_load_speed() {
     let log = driven(placed("speed_torque_limit", "hinge", &[2.0, 5.0]), &hold(100.0), 2.0);
@@ -101,7 +134,7 @@ fn command_effects_do_not_change_a_steady_command() {
     let servo = Actuator::Position { kp: 60.0, ki: 0.0, kd: 6.0, max_torque: f64::INFINITY };
     let robot = pendulum(1.3, 0.7, servo);
     let plain = run(&robot, &fast(0.001, 1.0), &hold(0.5));
-    for name in ["command_delay", "motor_lag", "command_rate_limit"] {
+    for name in ["command_delay", "motor_lag", "command_rate_limit", "command_hysteresis"] {
         let effect = PlacedEffect::hinted(btr_physics::effects::find(name).unwrap(), "hinge");
         let log = run_with(&robot, &[effect], &fast(0.001, 1.0), &hold(0.5));
         assert!((last(&log, "q_hinge") - last(&plain, "q_hinge")).abs() < 1e-12, "{name}");

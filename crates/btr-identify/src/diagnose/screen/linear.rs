@@ -2,7 +2,7 @@
 //! probe, and the part that the base's parameters can produce as well is projected out.
 
 use super::onset::{Onsets, WITHIN};
-use super::start_point::{ProbeSizes, StartPoint, has_two_sides, with};
+use super::start_point::{ProbeSizes, StartPoint, has_two_sides, is_searched, with};
 use crate::diagnose::own;
 use crate::fit::{FitPoint, Objective, corrected, rows_near, shared};
 use crate::residual_model::Parametrisation;
@@ -187,11 +187,13 @@ impl<'a> BasePoint<'a> {
         let is = |amplitude: usize, law| objective.parameters()[amplitude].law == law;
         let has = |law| candidate.amplitudes.iter().any(|&k| is(k, law));
         let sizes = match (has(Parametrisation::Inverse), has(Parametrisation::Compliance)) {
+            _ if is_searched(objective, index) => &[1.0],
             (true, _) => sizes.limits,
             (false, true) => sizes.compliances,
             (false, false) => sizes.amplitudes,
         };
         let sized = |amplitude: usize, size: f64| match is(amplitude, Parametrisation::Inverse) {
+            _ if is(amplitude, Parametrisation::Stair) => limit(amplitude),
             true => limit(amplitude).map(|unit| unit * size).filter(|size| *size < WITHIN.1),
             false => Some(size),
         };
@@ -305,7 +307,7 @@ impl<'a> BasePoint<'a> {
             let parameter = &parameters[probe.amplitude];
             let reach = STRETCH * probe.size.abs();
             let size = match parameter.law {
-                Parametrisation::Inverse => probe.size,
+                Parametrisation::Inverse | Parametrisation::Stair => probe.size,
                 // A soft joint rings at another frequency than a stiffer one: only near the probe is it linear.
                 Parametrisation::Compliance => optimum[i].clamp(probe.size / NEAR, probe.size * NEAR),
                 Parametrisation::Linear | Parametrisation::Exponential => optimum[i].clamp(-reach, reach),

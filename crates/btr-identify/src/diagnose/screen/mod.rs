@@ -14,7 +14,7 @@ use crate::residual_model::{EffectCandidate, Needs, Parametrisation};
 use btr_core::signal::ripple::orders;
 use linear::{BasePoint, STRETCH};
 use start_point::ProbeSizes;
-pub(crate) use start_point::{StartPoint, has_two_sides, with};
+pub(crate) use start_point::{StartPoint, has_two_sides, is_searched, with};
 use std::cmp::Ordering::Equal;
 
 /// Probes of the first pass, and of the second one.
@@ -33,6 +33,8 @@ const FINE: ProbeSizes = ProbeSizes {
 const FAR: ProbeSizes = ProbeSizes { amplitudes: &[6.0, 24.0], limits: &[], compliances: &[] };
 /// How many orders of ripples are tried that the error shows.
 const ORDERS: usize = 4;
+/// How many sizes are probed that are searched in the error.
+const SEARCHED: usize = 4;
 /// How many candidates pass the first pass, and how many of those that show in one joint's channel alone.
 const COARSE_PASS: (usize, usize) = (16, 6);
 /// How many of the best predictions are simulated, and how many of one joint.
@@ -52,7 +54,8 @@ pub(super) fn rollouts(objective: &Objective) -> usize {
         sides(candidate) * candidate.starts.len() * candidate.amplitudes.len() * COARSE.amplitudes.len()
     };
     // What needs another effect first is tried alone.
-    let all: Vec<usize> = (0..candidates.len()).filter(|&c| candidates[c].needs == Needs::Nothing).collect();
+    let is_probed = |c: &usize| candidates[*c].needs == Needs::Nothing && !is_searched(objective, *c);
+    let all: Vec<usize> = (0..candidates.len()).filter(is_probed).collect();
     let kinds = all.chunk_by(|&a, &b| candidates[a].effect == candidates[b].effect);
     let coarse = kinds.map(|kind| {
         probes(&candidates[kind[0]]) * shared(kind.iter().map(|&c| objective.description.channels_of(c))).len()
@@ -69,7 +72,9 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
     let Some((log, rows)) = bases.first().and_then(|base| objective.worst_logs(&base.residual, 1).pop()) else {
         return Vec::new();
     };
-    let Some(reached) = bases.first().map(|base| onset::onsets(objective, base, (log, rows.clone()), offered)) else {
+    let (searched, offered): (Vec<usize>, Vec<usize>) =
+        offered.iter().partition(|&&candidate| is_searched(objective, candidate));
+    let Some(reached) = bases.first().map(|base| onset::onsets(objective, base, (log, rows.clone()), &offered)) else {
         return Vec::new();
     };
     let probe_coarsely = |(index, base): (usize, &FitPoint)| {
@@ -80,12 +85,14 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
         base.map_or_else(Vec::new, |base| base.predicted_together(objective, &offered, &COARSE, &reached))
     };
     let coarse = best_of_joints(objective, bases.iter().enumerate().flat_map(probe_coarsely).collect(), COARSE_PASS);
+    let found = bases.first().map_or_else(Vec::new, |base| found_in_error(objective, base, &searched));
     // Each candidate is probed from the first base, and from the one with its best prediction.
     let probe_finely = |(index, base): (usize, &FitPoint)| {
         let Some(point) = BasePoint::new(objective, index, base, objective.logs(LogSet::Learn).to_vec()) else {
             return (vec![], vec![]);
         };
-        let starts: Vec<&StartPoint> = coarse.iter().filter(|start| index == 0 || start.base == index).collect();
+        let starts: Vec<&StartPoint> =
+            coarse.iter().chain(&found).filter(|start| index == 0 || start.base == index).collect();
         let near = point.predicted(objective, &starts, &FINE);
         let beyond: Vec<&StartPoint> = near.iter().filter(|start| goes_further(objective, start)).collect();
         let far = point.predicted(objective, &beyond, &FAR);
@@ -96,6 +103,24 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
     predicted.extend(best(far.concat(), STRIKING));
     predicted.extend(coarse.iter().take(STRIKING).cloned());
     verify(objective, bases, &predicted)
+}
+
+/// The sizes of candidates that the error shows, those first that may explain most of it.
+fn found_in_error(objective: &Objective, base: &FitPoint, searched: &[usize]) -> Vec<StartPoint> {
+    let residuals = base.by_log(objective);
+    let sizes = |&candidate: &usize| {
+        let sizes =
+            objective.candidates()[candidate].amplitudes.iter().flat_map(|&k| objective.model.sizes(k, &residuals));
+        sizes.map(move |(size, explained)| (candidate, size, explained))
+    };
+    let mut found: Vec<(usize, f64, f64)> = searched.iter().flat_map(sizes).collect();
+    found.sort_by(|a, b| b.2.total_cmp(&a.2));
+    let start = |(candidate, size, _): (usize, f64, f64)| {
+        let mut u = base.u.clone();
+        objective.candidates()[candidate].amplitudes.iter().for_each(|&k| u[k] = objective.parameters()[k].clamp(size));
+        StartPoint { candidate, base: 0, u, cost: f64::INFINITY }
+    };
+    found.into_iter().take(SEARCHED).map(start).collect()
 }
 
 /// The starts of a candidate; for ripples, also with the orders that the error in a log shows.

@@ -1,7 +1,7 @@
 //! Probe sizes, and the start points that probes predict.
 
 use crate::fit::{FitPoint, Objective};
-use crate::residual_model::EffectCandidate;
+use crate::residual_model::{EffectCandidate, Parametrisation};
 
 /// Sizes of probes.
 pub(super) struct ProbeSizes {
@@ -46,6 +46,12 @@ pub(crate) fn has_two_sides(objective: &Objective, candidate: &EffectCandidate) 
     let parameters = objective.parameters();
     objective.description.has_contact
         && candidate.amplitudes.iter().any(|&parameter| parameters[parameter].bounds.0 < 0.0)
+}
+
+/// Whether a candidate's size is searched in the error: no probe says anything about it.
+pub(crate) fn is_searched(objective: &Objective, candidate: usize) -> bool {
+    let mut amplitudes = objective.candidates()[candidate].amplitudes.iter();
+    amplitudes.any(|&k| objective.parameters()[k].law == Parametrisation::Stair)
 }
 
 /// The base's free parameters and a candidate's, which may be among them.

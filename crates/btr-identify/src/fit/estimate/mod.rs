@@ -10,6 +10,7 @@ pub use null_directions::{NullDirection, null_directions};
 
 use super::objective::{LogSet, Objective};
 use super::solve::FitPoint;
+use crate::residual_model::Parametrisation;
 use clusters::{between_logs, by_clusters};
 use nalgebra::DVector;
 pub(crate) use precision::NINETY_FIVE;
@@ -83,7 +84,13 @@ pub fn estimates(
         });
         let deviation = deviation.map(|d| by_step.as_ref().map_or(d, |by_step| d.hypot(by_step[k])));
         let ends = |d: f64| [-1.0, 1.0].map(|side| parameter.value(parameter.along(u, side * NINETY_FIVE * d)));
-        let ci95 = deviation.map(ends).map(|[a, b]| [a.min(b), a.max(b)]);
+        let ci95 = match (parameter.law, deviation) {
+            (Parametrisation::Stair, Some(_)) => {
+                fit.step_of_stair(objective, index, inflation).map(|ends| ends.map(|u| parameter.value(u)))
+            }
+            (_, deviation) => deviation.map(ends),
+        };
+        let ci95 = ci95.map(|[a, b]| [a.min(b), a.max(b)]);
         let prior_sd = deviation.zip(widening.as_ref()).filter(|_| !by_bounds);
         let prior_sd = prior_sd.map(|(d, widening)| widening[k] * d * parameter.slope(u).abs());
         let (name, unit) = (parameter.name.clone(), parameter.unit.clone());

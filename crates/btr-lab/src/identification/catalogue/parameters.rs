@@ -12,17 +12,24 @@ pub(super) const WEAK: f64 = 33.0;
 const SHAPE: f64 = 3.0;
 /// Step of finite differences: in standard deviations for free parameters, in typical sizes for amplitudes.
 const REACH: (f64, f64) = (0.05, 0.1);
+/// The same for a size in which the cost is a stair: a larger step leads to another size altogether.
+const STAIR_REACH: f64 = 1e-3;
 
 /// A free parameter: its bounds are two standard deviations away, unless it belongs to an effect. `sd` is the standard
 /// deviation that earlier logs leave, in its unit.
 pub(in crate::identification) fn free_parameter(dim: &Dim, sd: Option<f64>, scales: &RobotScales) -> FitParameter {
     let nominal = dim.nominal.unwrap_or_else(|| dim.from_unit(0.5));
-    let effect = dim.name.split_once('.').and_then(|(effect, rest)| {
+    let named = dim.name.split_once('.').and_then(|(name, rest)| Some((btr_physics::effects::find(name)?, rest)));
+    let effect = named.and_then(|(effect, rest)| {
         let (param, site) = rest.split_once('@').unwrap_or((rest, "*"));
-        let spec = btr_physics::effects::find(effect)?.spec();
+        let spec = effect.spec();
         Some((spec.params.iter().find(|p| p.name == param)?, site))
     });
+    let is_stair = named.is_some_and(|(effect, _)| effect.is_of_command());
     let (law, size, spread) = match effect {
+        Some((param, site)) if is_stair => {
+            (Parametrisation::Stair, param.hint.abs() * scales.of_unit(param.unit, site), WEAK)
+        }
         // Shapes and limits vary on a logarithmic scale; all other parameters of an effect are amplitudes.
         Some((param, _)) if (param.shape || param.off.is_infinite()) && dim.min > 0.0 && nominal > 0.0 => {
             (Parametrisation::Exponential, std::f64::consts::LN_2, SHAPE)
@@ -42,12 +49,23 @@ pub(in crate::identification) fn free_parameter(dim: &Dim, sd: Option<f64>, scal
         bounds: (0.0, 0.0),
         spread,
         known: None,
-        reach: if effect.is_some() { REACH.1 } else { REACH.0 },
+        reach: if is_stair {
+            STAIR_REACH
+        } else if effect.is_some() {
+            REACH.1
+        } else {
+            REACH.0
+        },
         amplitude: law == Parametrisation::Linear && effect.is_some_and(|(param, _)| same(param.off, nominal)),
     };
     parameter.bounds = (parameter.coordinate(dim.min), parameter.coordinate(dim.max));
     parameter.known = sd.map(|sd| sd / parameter.slope(0.0).abs());
     parameter
+}
+
+/// A size of an effect on commands alone: small changes of it say nothing.
+pub(in crate::identification) fn stair(parameter: FitParameter) -> FitParameter {
+    FitParameter { law: Parametrisation::Stair, reach: STAIR_REACH, ..parameter }
 }
 
 /// A parameter of an effect that is off: `scales` adapt its typical size and its bounds to this robot, `model_value` is

@@ -74,6 +74,10 @@ impl ResidualModel for IdentificationProblem {
         self.model.inertias(&self.at(u).request(&scenario)).ok()
     }
 
+    fn sizes(&self, parameter: usize, residuals: &[(usize, &[f64])]) -> Vec<(f64, f64)> {
+        self.command_sizes(parameter, residuals)
+    }
+
     fn derive(&self, derivation: &Derivation) -> Option<Box<dyn ResidualModel>> {
         let derived = match derivation {
             Derivation::Beginnings => self.beginnings()?,
