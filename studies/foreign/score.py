@@ -209,7 +209,8 @@ def read(said: dict[str, Any], outcome: Outcome) -> None:
         for site in sites:
             outcome.named.append(f"{effect['effect']}@{site}")
             outcome.probabilities.append(effect["probability"])
-        outcome.alike += effect["alike"]
+        # A law and what changes it are declared as one.
+        outcome.alike += [name for alike in effect["alike"] for name in alike.split(" + ")]
         outcome.intervals += [{"name": p["name"], "value": p["value"], "ci95": p["ci95"]} for p in effect["parameters"]]
     outcome.at_bound = said["at_bound"]
     law = said.get("residual_law")

@@ -28,7 +28,7 @@ use crate::fit::measure::ComparisonMeasure;
 use crate::fit::second_look::{LEFT_OUT, without_glitches};
 use crate::fit::{Degree, FitPoint, Intervals, Objective, RESTARTS, SearchBudget, estimates, remaining};
 use btr_core::world::{Cancelled, WorldError};
-use companion::{companion, exchange, exchange_for_larger, is_near};
+use companion::{companion, exchange, exchange_for_larger, is_near, weigh_pairs};
 use evidence::NoiseBound;
 use refit::Rival;
 use report::SEARCH;
@@ -155,6 +155,9 @@ fn go_on(
     if objective.description.is_decoupled && !objective.is_stopped() {
         state.drop_needless(objective);
         state.split(objective, |_, _| true, on_step);
+    }
+    if !cut_short && !objective.is_stopped() {
+        weigh_pairs(objective, &mut state, on_step);
     }
     Diagnosis { cut_short, ..conclude(objective, question, state) }
 }

@@ -1,6 +1,6 @@
 //! Which of several explanations is named, and how certain it is.
 
-use crate::synthetic::{SyntheticModel, names, swing};
+use crate::synthetic::{NO_STEP, PERIOD_S, SyntheticModel, names, swing};
 use btr_identify::diagnose::{Diagnosis, Verdict};
 use btr_identify::residual_model::Needs;
 
@@ -39,6 +39,42 @@ fn an_effect_with_its_companion_takes_the_place_of_a_look_alike() {
     assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["friction", "creep"]));
     let steps: Vec<&str> = diagnosis.ladder.iter().map(|step| step.step.as_str()).collect();
     assert!(steps.contains(&"friction@here + creep@here for look_alike@here"), "{steps:?}");
+}
+
+/// The same with a look-alike that contains friction, explains everything by itself, and misses by that much of
+/// another part; of what the noise floor allows, the noise takes this share.
+fn friction_inside(misses: f64, noise: f64) -> SyntheticModel {
+    let motion = move |u: &[f64], log: usize, t: f64, _: f64| {
+        let (friction, creep, look_alike) = (u[1], u[2], u[3]);
+        let part = |rate: f64| swing(rate, log, t);
+        let creeping = part(5.0) + 0.3 * part(7.0);
+        u[0] * part(3.0)
+            + friction * (part(5.0) + 0.3 * creep * part(7.0))
+            + look_alike * (creeping + misses * part(11.0))
+    };
+    let truth = [0.4, 9.0, 1.0, 0.0];
+    let mut model = SyntheticModel::new(&["friction", "creep", "look_alike"], &truth, motion);
+    for (log, measured) in model.measured.iter_mut().enumerate() {
+        for (i, measured) in measured.iter_mut().enumerate() {
+            let exact = motion(&truth, log, i as f64 * PERIOD_S, NO_STEP);
+            *measured = exact + noise * (*measured - exact);
+        }
+    }
+    model.candidates[1].needs = Needs::OneOf(vec![0]);
+    (model.candidates[2].similar, model.candidates[2].nested) = (vec![0], vec![0]);
+    model
+}
+
+#[test]
+fn a_law_and_its_companion_are_weighed_against_what_contains_the_law() {
+    let alike = friction_inside(0.0, 1.0).diagnosis();
+    assert_eq!((alike.verdict, names(&alike)), (Verdict::EffectMissing, vec!["look_alike"]));
+    assert_eq!(alike.effects[0].alike, ["friction@here + creep@here"]);
+    assert!((0.5..0.95).contains(&alike.effects[0].probability), "{}", alike.effects[0].probability);
+    assert_eq!(alike.rivals.len(), 2);
+    // Without an error above the noise floor, the held-out logs still tell which of them is right.
+    let told = friction_inside(0.05, 0.7).diagnosis();
+    assert_eq!((told.verdict, names(&told)), (Verdict::EffectMissing, vec!["friction", "creep"]));
 }
 
 #[test]

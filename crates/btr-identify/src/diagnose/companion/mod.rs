@@ -4,6 +4,7 @@
 //! take most of the rollouts.
 
 mod pair;
+mod weigh;
 
 use super::judge::judge_rivals;
 use super::own;
@@ -15,6 +16,7 @@ use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective};
 use crate::residual_model::Needs;
 pub(super) use pair::{exchange, exchange_for_larger};
+pub(super) use weigh::weigh_pairs;
 
 /// A companion that leaves more than noise and this share of the sum of squares has to compete with all candidates.
 const MODEST: f64 = 0.5;

@@ -22,12 +22,12 @@ const SHARES: [f64; 2] = [0.8, 2.0];
 const FITTED: usize = 3;
 
 /// Two candidates in the place of one that was found.
-struct Pair {
+pub(super) struct Pair {
     /// Index among the findings.
-    index: usize,
-    effect: usize,
+    pub(super) index: usize,
+    pub(super) effect: usize,
     /// With the fit of both.
-    companion: Rival,
+    pub(super) companion: Rival,
 }
 
 /// Replaces findings by a similar effect with its companion where the two together explain decisively more.
@@ -113,7 +113,7 @@ fn larger_pair(objective: &Objective, state: &DiagnosisState, index: usize) -> O
 
 /// An effect in the place of a finding together with a companion, fitted from where both explain most of several
 /// points: each of the effect's amplitudes about as large as the finding's of the same unit, or twice as large.
-fn fitted_together(
+pub(super) fn fitted_together(
     objective: &Objective,
     state: &DiagnosisState,
     index: usize,
@@ -171,7 +171,12 @@ fn varied<T>(points: &[Vec<f64>], values: &[T], set: impl Fn(&mut Vec<f64>, &T))
     points.iter().flat_map(|u| values.iter().map(move |value| (u.clone(), value))).map(|(u, v)| with(u, v)).collect()
 }
 
-fn accept_pair(objective: &mut Objective, state: &mut DiagnosisState, pair: Pair, on_step: &dyn Fn(&LadderStep)) {
+pub(super) fn accept_pair(
+    objective: &mut Objective,
+    state: &mut DiagnosisState,
+    pair: Pair,
+    on_step: &dyn Fn(&LadderStep),
+) {
     let Pair { index, effect, companion } = pair;
     let before = LogErrors::of(objective, companion.candidate, &state.fit, state.held_out);
     let measure = ComparisonMeasure::of(objective, &state.fit);

@@ -1,0 +1,85 @@
+//! Weighs findings against a law that they contain together with what changes that law alone. Coulomb's friction that
+//! creeps looks like presliding where the clock is slow: whichever comes first explains everything, and the other would
+//! never be tried.
+
+use super::pair::{Pair, accept_pair, fitted_together};
+use crate::LadderStep;
+use crate::diagnose::own;
+use crate::diagnose::report::RivalPoint;
+use crate::diagnose::state::DiagnosisState;
+use crate::diagnose::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
+use crate::fit::measure::ComparisonMeasure;
+use crate::fit::{FitPoint, Objective, SearchBudget};
+use crate::residual_model::Needs;
+
+/// Replaces findings by such a pair that the held-out logs bear clearly better, and declares both alike where they bear
+/// them equally well.
+pub(crate) fn weigh_pairs(objective: &mut Objective, state: &mut DiagnosisState, on_step: &dyn Fn(&LadderStep)) {
+    for index in 0..state.chosen.len() {
+        let Some(mut pair) = pair_inside(objective, state, index) else { continue };
+        pair.companion.fit.jacobian = None;
+        pair.companion.fit.solve(objective, SearchBudget::FULL);
+        if objective.is_stopped() {
+            return;
+        }
+        objective.set_stoppable(false);
+        match Weight::of(objective, state, &pair) {
+            Weight::More => accept_pair(objective, state, pair, on_step),
+            Weight::Same => declare_alike(objective, state, pair),
+            Weight::Less => {}
+        }
+        objective.set_stoppable(true);
+    }
+}
+
+/// The best pair of a law that a finding contains and a companion that does not act on the finding itself.
+fn pair_inside(objective: &Objective, state: &DiagnosisState, index: usize) -> Option<Pair> {
+    let candidates = objective.candidates();
+    let found = state.chosen[index].candidate;
+    let acts_on = |c: usize, law: usize| matches!(&candidates[c].needs, Needs::OneOf(all) if all.contains(&law));
+    let is_offered = |candidate: &usize| !state.is_chosen(*candidate);
+    let laws = candidates[found].nested.iter().copied().filter(is_offered);
+    let pairs = laws.flat_map(|law| {
+        let companions = (0..candidates.len()).filter(is_offered);
+        companions.filter(move |&c| acts_on(c, law) && !acts_on(c, found)).map(move |c| (law, c))
+    });
+    let fitted = pairs.filter_map(|(law, companion)| fitted_together(objective, state, index, law, companion));
+    fitted.min_by(|a, b| a.companion.fit.cost.total_cmp(&b.companion.fit.cost))
+}
+
+/// How much speaks for a pair, compared with the finding.
+enum Weight {
+    More,
+    Same,
+    Less,
+}
+
+impl Weight {
+    fn of(objective: &Objective, state: &DiagnosisState, pair: &Pair) -> Weight {
+        let (now, then, candidate) = (&state.fit, &pair.companion.fit, pair.companion.candidate);
+        let learnt = |fit: &FitPoint| own::learnt(objective, candidate, fit);
+        let judged = state.own_held_out(objective, candidate).zip(own::held_out(objective, candidate, &then.u));
+        let falls = |from: f64, to: f64| to < (1.0 - HELD_OUT_FALL) * from;
+        let measure = ComparisonMeasure::of(objective, now);
+        let costs = measure.criterion(then) - measure.criterion(now);
+        if costs <= DECISIVE && judged.is_some_and(|(now, then)| falls(now, then)) {
+            return Weight::More;
+        }
+        let is_beaten = learnt(now) < (1.0 - LEARNT_FALL) * learnt(then)
+            || judged.is_some_and(|(now, then)| falls(then, now))
+            || (state.held_out.is_some() && judged.is_none());
+        if is_beaten { Weight::Less } else { Weight::Same }
+    }
+}
+
+/// Two that the logs cannot tell apart share the probability, as rivals that tie do.
+fn declare_alike(objective: &Objective, state: &mut DiagnosisState, pair: Pair) {
+    let (candidates, measure) = (objective.candidates(), ComparisonMeasure::of(objective, &state.fit));
+    let Pair { index, effect, companion } = pair;
+    let costs = (measure.criterion(&companion.fit) - measure.criterion(&state.fit)).min(TIE);
+    let found = &mut state.chosen[index];
+    found.probability /= 1.0 + (-costs / 2.0).exp();
+    found.alike.push(format!("{} + {}", candidates[effect].name(), candidates[companion.candidate].name()));
+    let now = RivalPoint { candidate: found.candidate, u: state.fit.u.clone() };
+    state.rivals = vec![now, RivalPoint { candidate: effect, u: companion.fit.u }];
+}
