@@ -55,7 +55,7 @@ fn sentence(CommandResponse { joint, dead_time, .. }: &CommandResponse) -> Optio
             let when = if *small_late { ", later after small steps, as friction can cause" } else { "" };
             format!(
                 "{joint} begins to move between {earliest:.1} and {latest:.1} ms after its command (from {onsets} \
-                 steps{when}): its dead time is not known"
+                 steps{when}): its dead time is not constant"
             )
         }
         DeadTime::TooFew { .. } => return None,
