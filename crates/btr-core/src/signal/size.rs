@@ -78,10 +78,13 @@ pub fn sizes(
 ) -> Vec<(f64, f64)> {
     let range = errors.iter().map(|error| error.range).fold(0.0, f64::max);
     let turn = TURN / range;
-    // Without errors there is nothing to try, neither a range.
-    let periods = if range > 0.0 { (1.0 / (least * turn)).min(MOST as f64) as usize } else { 0 };
-    let first = (1.0 / TURN) as usize;
-    let tried: Vec<f64> = (first..first + periods).map(|k| 1.0 / (k as f64 * turn)).collect();
+    let periods = (1.0 / (least * turn)).min(MOST as f64);
+    // Without errors there is no range either.
+    if range <= 0.0 || periods < 1.0 {
+        return Vec::new();
+    }
+    let first = (1.0 / (range * turn)) as usize;
+    let tried: Vec<f64> = (first.max(1)..=first + periods as usize).map(|k| 1.0 / (k as f64 * turn)).collect();
     let explained = |&size: &f64| {
         let overlaps = errors.iter().enumerate().map(|(i, error)| error.overlap(&change(size, i)));
         let (product, square) = overlaps.fold((0.0, 0.0), |(a, b), (product, square)| (a + product, b + square));

@@ -13,7 +13,7 @@ static SPEC: EffectSpec = EffectSpec {
     site: SiteKind::Joint,
     cite: "uniform quantisation, as in any textbook of digital control",
     symptom: "slow motions are stairs, always on the same positions; errors stay below half a step",
-    params: &[Param::new("step", "rad", (0.0, 0.5), 0.01)],
+    params: &[Param::new("step", "rad", (0.0, 0.5), 0.02)],
     starts: &[],
     similar: &[],
     nested: &[],
