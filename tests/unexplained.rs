@@ -5,8 +5,7 @@
 use btr_identify::diagnose::{Diagnosis, RivalPoint, Verdict};
 use btr_lab::identification::IdentificationProblem;
 use btr_lab::verbs::{NextExperiment, next_experiment};
-use btr_physics::actuation::JointInput;
-use btr_physics::effects::{EFFECTS, Effect, EffectSpec, FormulaTarget, Param, PlacedEffect, SiteKind, formula};
+use btr_physics::effects::{EFFECTS, FormulaTarget, PlacedEffect, find, formula};
 use btr_physics::model::Model;
 use btr_physics::robot::Actuator;
 use btr_tests::planted::{Planted, Waves, arm, diagnosis, names, problem as planted_problem};
@@ -176,55 +175,13 @@ fn there_is_no_experiment_where_nothing_is_to_be_told_apart() {
     assert_eq!(next_experiment(&problem, &[only]).unwrap(), None);
 }
 
-/// A servo that holds its goal until the command has moved by more than `p[0]`, as some firmware does.
-struct HeldGoal;
-
-static HELD_GOAL: EffectSpec = EffectSpec {
-    name: "held_goal",
-    law: "the goal becomes cmd when |cmd - goal| > band",
-    site: SiteKind::Joint,
-    cite: "",
-    symptom: "",
-    params: &[Param {
-        name: "band",
-        unit: "rad",
-        bounds: (0.0, 0.5),
-        off: 0.0,
-        hint: 0.03,
-        shape: false,
-        stiffness: false,
-    }],
-    starts: &[],
-    similar: &[],
-    nested: &[],
-};
-
-impl Effect for HeldGoal {
-    fn spec(&self) -> &'static EffectSpec {
-        &HELD_GOAL
-    }
-
-    /// Whether there is a goal, and the goal.
-    fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
-        2
-    }
-
-    fn command(&self, p: &[f64], memory: &mut [f64], state: &JointInput) -> f64 {
-        let held = memory[0] > 0.0 && (state.command - memory[1]).abs() <= p[0];
-        if !held {
-            memory.copy_from_slice(&[1.0, state.command]);
-        }
-        memory[1]
-    }
-}
-
-/// The library lacks it: no friction is named in its place.
+/// A servo that keeps its goal until the command has moved by more than a band is told as that, and as no friction.
 #[test]
 fn a_goal_that_is_held_is_no_friction() {
-    let hidden = PlacedEffect { effect: &HeldGoal, site: "elbow".to_owned(), values: vec![0.03] };
+    let effect = find("command_hysteresis").unwrap();
+    let hidden = PlacedEffect { effect, site: "elbow".to_owned(), values: vec![0.03] };
     let problem = problem(&[hidden], &[]);
     let diagnosis = diagnosis(&problem);
-    assert!(matches!(diagnosis.verdict, Verdict::Unexplained | Verdict::PartlyExplained), "{:?}", diagnosis.verdict);
-    let certain = diagnosis.effects.iter().find(|found| found.probability >= 0.95);
-    assert!(certain.is_none(), "{:?} {}", names(&problem, &diagnosis), diagnosis.ladder[1].train);
+    assert_eq!(diagnosis.verdict, Verdict::EffectMissing);
+    assert_eq!(names(&problem, &diagnosis), ["command_hysteresis@elbow"]);
 }

@@ -64,7 +64,7 @@ def replayed(path, effects, times):
     places = [model.joint(joint).qposadr[0] for joint in JOINTS]
     data.qpos[places] = [log[f"q_{joint}"][0] for joint in JOINTS]
     commands = np.stack([log[f"cmd_{joint}"] for joint in JOINTS], axis=1)
-    clock = log.t - log.t[0]
+    clock = log.clock_s - log.clock_s[0]
     every = round((times[1] - times[0]) / STEP_S)
     positions = []
     for step in range(every * (len(times) - 1) + 1):
@@ -84,8 +84,8 @@ def test_mujoco_replays_the_model_with_the_effects_that_are_left(fitted, robot, 
     exported.save(tmp_path / "fitted.xml")
     simulated = fitted.simulate(LOG)
     expected = np.stack([simulated[f"q_{joint}"] for joint in JOINTS], axis=1)
-    without = replayed(tmp_path / "fitted.xml", None, simulated.t)
-    with_them = replayed(tmp_path / "fitted.xml", tmp_path / "fitted.effects.json", simulated.t)
+    without = replayed(tmp_path / "fitted.xml", None, simulated.clock_s)
+    with_them = replayed(tmp_path / "fitted.xml", tmp_path / "fitted.effects.json", simulated.clock_s)
     assert np.all(rms(without - expected) > 0.03)
     # Both integrate in their own way: the nominal models are 1.2 mrad apart.
     assert np.all(rms(with_them - expected) < 0.005), rms(with_them - expected)

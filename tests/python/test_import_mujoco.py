@@ -1,6 +1,7 @@
 """Models that are imported from MuJoCo: equal accelerations and motions, and a list of what is lost."""
 
 import json
+import math
 import pickle
 import subprocess
 import sys
@@ -189,7 +190,7 @@ def test_values_of_the_robot_are_in_the_model():
     model = btr.Model.from_mujoco(mujoco.MjSpec.from_string(ARM))
     assert model.values["damping@yaw"] == 0.3 and model.values["friction@slide"] == 0.7
     assert model.text.count('effect = "armature"') == 3 and 'effect = "parallel_spring"\nsite = "roll"' in model.text
-    assert f"rest = {np.deg2rad(10)!r}" in model.text and "control_s = 0.001" in model.text
+    assert f"rest = {math.radians(10)!r}" in model.text and "control_s = 0.001" in model.text
 
 
 LOST = {
