@@ -11,6 +11,7 @@ fn lab() -> Lab {
     let found = r#"
 "viscous_friction.coefficient@shoulder" = { bounds = [0.0, 2.0], value = 0.21 }
 "coulomb_friction.torque@elbow" = { bounds = [0.0, 2.0], value = 0.13 }
+"origin_z@elbow" = { bounds = [-0.1, 0.1], value = 0.002 }
 "end_payload.mass@forearm" = { bounds = [0.0, 2.0], value = 0.35 }
 "armature.inertia@yaw" = { bounds = [0.0, 0.1], value = 0.02 }
 "torque_limit.torque@shoulder" = { bounds = [1.0, 20.0], value = 7.5 }

@@ -147,6 +147,10 @@ impl ResidualModel for RemoteModel {
         self.local.inertias(u, log)
     }
 
+    fn sizes(&self, parameter: usize, residuals: &[(usize, &[f64])]) -> Vec<(f64, f64)> {
+        self.local.sizes(parameter, residuals)
+    }
+
     fn is_cancelled(&self) -> bool {
         self.context.is_cancelled()
     }

@@ -135,3 +135,13 @@ pub(super) fn changed_links<'a>(outline: &'a Outline, original: &'a Robot) -> im
         !original.links.iter().any(|known| same(&known))
     })
 }
+
+/// The joints that the model has moved or turned against the robot's file, a line each: no format carries that.
+pub(super) fn moved_joints<'a>(outline: &'a Outline, original: &'a Robot) -> impl Iterator<Item = String> + 'a {
+    let is_as_it_was = |joint: &Joint| {
+        let same = |known: &Joint| known.name == joint.name && known.origin == joint.origin && known.axis == joint.axis;
+        original.links.iter().any(|link| same(&link.joint))
+    };
+    let moved = outline.robot.movable().map(|(_, link)| &link.joint).filter(move |joint| !is_as_it_was(joint));
+    moved.map(|joint| format!("{}: where the joint is, or its axis", joint.name))
+}

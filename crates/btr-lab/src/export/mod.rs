@@ -81,10 +81,12 @@ pub fn export(source: &Source, format: &Format, file: Option<PathBuf>, step_s: f
     };
     let request =
         Request { name: source.path.display().to_string(), model: &model, outline: &outline, text: &text, step_s };
-    (format.write)(&request).map_err(|message| {
+    let mut exported = (format.write)(&request).map_err(|message| {
         let path = path.unwrap_or_else(|| source.path.clone());
         Failure::from(FileError { path, line: 0, column: 0, message: message.into(), help: None })
-    })
+    })?;
+    exported.left.extend(facts::moved_joints(&outline, &model.robot));
+    Ok(exported)
 }
 
 fn without_file(source: &Source, format: &Format) -> Failure {
