@@ -41,7 +41,11 @@ EFFECTS = {
     "quadratic_drag": {"coefficient": (0.1, 0.5)},
 }
 # What MuJoCo has attributes for.
-ATTRIBUTES = {"viscous_friction": "dof_damping", "coulomb_friction": "dof_frictionloss", "armature": "dof_armature"}
+ATTRIBUTES = {
+    "viscous_friction": "dof_damping",
+    "coulomb_friction": "dof_frictionloss",
+    "armature": "dof_armature",
+}
 
 
 def nominal():
@@ -83,7 +87,8 @@ def motion(rng):
     """Commands of all joints: sums of sines, on the clock of the logs."""
     t = np.arange(int(SECONDS * RATE_HZ)) / RATE_HZ
     waves = [(rng.uniform(0.1, 0.4), rng.uniform(0.5, 8.0), rng.uniform(0, 6.3)) for _ in range(4 * len(JOINTS))]
-    return t, np.stack([sum(a * np.sin(w * t + p) - a * np.sin(p) for a, w, p in waves[k::3]) for k in range(3)], axis=1)
+    of_joint = [sum(a * np.sin(w * t + p) - a * np.sin(p) for a, w, p in waves[k::3]) for k in range(len(JOINTS))]
+    return t, np.stack(of_joint, axis=1)
 
 
 def replayed(model, effects, t, commands, start):
