@@ -7,7 +7,7 @@ use std::fmt::Write;
 fn lab() -> Lab {
     let lab = Lab::new();
     lab.write("arm.urdf", &std::fs::read_to_string(robots().join("arm.urdf")).unwrap());
-    let model = std::fs::read_to_string(robots().join("arm.toml")).unwrap();
+    let model = std::fs::read_to_string(robots().join("arm.toml")).unwrap().replace("kd = 0.25", "kd = 0.25\nki = 0.5");
     let found = r#"
 "viscous_friction.coefficient@shoulder" = { bounds = [0.0, 2.0], value = 0.21 }
 "coulomb_friction.torque@elbow" = { bounds = [0.0, 2.0], value = 0.13 }

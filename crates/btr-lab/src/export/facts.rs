@@ -145,3 +145,17 @@ pub(super) fn moved_joints<'a>(outline: &'a Outline, original: &'a Robot) -> imp
     let moved = outline.robot.movable().map(|(_, link)| &link.joint).filter(move |joint| !is_as_it_was(joint));
     moved.map(|joint| format!("{}: where the joint is, or its axis", joint.name))
 }
+
+/// What the model says of motors and no format carries, a line each.
+pub(super) fn motors(outline: &Outline) -> Vec<String> {
+    let of_joint = |joint: &Joint| {
+        let motor = match &joint.actuator {
+            Actuator::Position { ki, .. } if *ki != 0.0 => Some(format!("the integral gain of its servo, {ki:.4}")),
+            Actuator::Voltage { .. } => Some("its motor, which is driven by a voltage".to_owned()),
+            _ => None,
+        };
+        let sampling = joint.sampling.map(|sampling| format!("its servo samples every {:.4} s", sampling.period_s));
+        motor.into_iter().chain(sampling).map(|what| format!("{}: {what}", joint.name)).collect::<Vec<_>>()
+    };
+    outline.robot.movable().flat_map(|(_, link)| of_joint(&link.joint)).collect()
+}

@@ -62,8 +62,6 @@ fn push(exported: &mut Exported, joint: &mut JointFacts, step_s: f64) {
         exported.left.push(format!("{}: a dead time of {:.4} s, below half a step", joint.name, joint.delay_s));
     }
     text.push_str("    ),\n");
-    // Its two torques are carried.
-    joint.left.retain(|placed| placed.effect.spec().name != "stribeck_friction");
     joint.leave_spring();
 }
 

@@ -85,7 +85,13 @@ pub fn export(source: &Source, format: &Format, file: Option<PathBuf>, step_s: f
         let path = path.unwrap_or_else(|| source.path.clone());
         Failure::from(FileError { path, line: 0, column: 0, message: message.into(), help: None })
     })?;
+    // Where no file of a robot is changed, there is no place for what its links weigh.
+    let links = facts::changed_links(&outline, &model.robot).filter(|_| !format.changes_a_file);
+    exported
+        .left
+        .extend(links.map(|link| format!("{}: mass {:.4} kg, with its centre and inertia", link.name, link.mass_kg)));
     exported.left.extend(facts::moved_joints(&outline, &model.robot));
+    exported.left.extend(facts::motors(&outline));
     Ok(exported)
 }
 
