@@ -141,7 +141,8 @@ pub(crate) enum Verb {
     #[command(after_help = "Examples:\n  btr export fitted.toml robot.xml --to mujoco -o robot_fitted.xml\n  \
         btr export fitted.toml --to urdf -o robot_fitted.urdf\n  \
         btr export fitted.toml --to isaac-lab -o actuators.py\n  \
-        btr export fitted.toml --to ros2 -o joint_limits.yaml\n\n\
+        btr export fitted.toml --to ros2 -o joint_limits.yaml\n  \
+        btr export fitted.toml robot.xml --to mujoco -o robot_fitted.xml --randomize fit.json --draws 50\n\n\
         A file that is changed keeps its comments and its layout. What a format cannot say is told, and its effects\n\
         are written as JSON beside the output (OUT.effects.json).")]
     Export(ExportArgs),
@@ -360,6 +361,13 @@ pub(crate) struct ExportArgs {
     /// Physics step of the other simulator, in which Isaac Lab counts delays
     #[arg(long, value_name = "SECONDS", default_value = "0.005", value_parser = seconds)]
     pub(crate) step: Duration,
+    /// Also write what the fit of the model leaves uncertain, for domain randomisation: the document of `btr fit
+    /// --json`. MJCF and URDF get a file for each draw (OUT.000.xml), Isaac Lab ranges
+    #[arg(long, value_name = "FIT_JSON")]
+    pub(crate) randomize: Option<PathBuf>,
+    /// How many draws are written; `--seed` chooses others
+    #[arg(long, value_name = "N", default_value_t = 10, requires = "randomize", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) draws: u32,
     /// Where to write
     #[arg(short, long, value_name = "OUT")]
     pub(crate) output: PathBuf,

@@ -3,6 +3,7 @@
 //! Every consumer asks for a stream by a path of integers (what, iteration, generation, ...). The same path and seed
 //! give the same numbers on every machine, thread count and after every resume; no generator state has to be saved.
 
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
@@ -23,6 +24,18 @@ pub fn stream(seed: u64, path: &[u64]) -> Rng {
 /// A seed of its own for `path` under `seed`.
 pub fn derive(seed: u64, path: &[u64]) -> u64 {
     path.iter().fold(splitmix(seed), |state, &step| splitmix(state ^ splitmix(step.wrapping_add(GOLDEN))))
+}
+
+/// A standard normal number. Marsaglia and Bray's polar method (SIAM Review 6, 1964); its second number is dropped so
+/// that no state has to be carried from call to call.
+pub fn normal(rng: &mut Rng) -> f64 {
+    loop {
+        let (u, v) = (2.0 * rng.random::<f64>() - 1.0, 2.0 * rng.random::<f64>() - 1.0);
+        let square = u * u + v * v;
+        if square > 0.0 && square < 1.0 {
+            return u * (-2.0 * square.ln() / square).sqrt();
+        }
+    }
 }
 
 /// SplitMix64's increment: 2^64 over the golden ratio.

@@ -6,6 +6,7 @@ use crate::log::{ChannelNames, Log, LogArgument};
 use crate::work::{ExecutorChoice, at_once, context, working};
 use btr_core::space::Space;
 use btr_core::world::{Job, Simulator};
+use btr_identify::fit::Posterior;
 use btr_io::{IoError, write_whole};
 use btr_lab::execution::ExecutionContext;
 use btr_lab::experiment;
@@ -118,10 +119,23 @@ impl Model {
         names.iter().map(place).collect()
     }
 
+    /// Values of a posterior's parameters for each of `many` draws; the posterior is JSON.
+    fn draws(&self, posterior: &str, many: usize, seed: u64) -> PyResult<Vec<Vec<f64>>> {
+        export::drawn_values(&self.source, &posterior_in(posterior)?, many, seed).map_err(Raise::raise)
+    }
+
     /// What the model says, in a format of another simulator: the text, what it says, what it does not, and the effects
-    /// that are left, as JSON.
-    #[pyo3(signature = (to, robot, step_s))]
-    fn export(&self, py: Python<'_>, to: &str, robot: Option<PathBuf>, step_s: f64) -> PyResult<ExportedParts> {
+    /// that are left, as JSON. `posterior`, JSON as well, is what a fit leaves, for formats with ranges.
+    #[pyo3(signature = (to, robot, step_s, posterior))]
+    fn export(
+        &self,
+        py: Python<'_>,
+        to: &str,
+        robot: Option<PathBuf>,
+        step_s: f64,
+        posterior: Option<&str>,
+    ) -> PyResult<ExportedParts> {
+        let posterior = posterior.map(posterior_in).transpose()?;
         let format = export::FORMATS.iter().find(|format| format.name == to).ok_or_else(|| {
             let known: Vec<&str> = export::FORMATS.iter().map(|format| format.name).collect();
             raised(format!("no format `{to}`"), Some(format!("formats: {}", known.join(", ")).into()))
@@ -129,7 +143,9 @@ impl Model {
         if !(step_s > 0.0 && step_s.is_finite()) {
             return Err(raised(format!("a step of {step_s} s"), Some("give a number of seconds above 0".into())));
         }
-        let exported = py.detach(|| export::export(&self.source, format, robot, step_s)).map_err(Raise::raise)?;
+        let exported = py
+            .detach(|| export::export(&self.source, format, robot, step_s, posterior.as_ref()))
+            .map_err(Raise::raise)?;
         Ok((exported.text, exported.carried, exported.left, exported.effects))
     }
 
@@ -273,6 +289,11 @@ impl<'py> FromPyObject<'_, 'py> for ChannelNames {
         let file = model.cast::<Model>()?.get().source.parse().map_err(Raise::raise)?;
         Ok(ChannelNames(file.channels))
     }
+}
+
+/// A posterior in the JSON of a fit.
+fn posterior_in(text: &str) -> PyResult<Posterior> {
+    serde_json::from_str(text).map_err(|e| raised(e.to_string(), None))
 }
 
 fn unknown(name: &str, space: &Space, what: &str) -> PyErr {

@@ -129,3 +129,71 @@ fn what_cannot_be_exported_is_refused_in_a_word() {
     let output = lab.run("export fitted.toml deep.xml --to mujoco -o out.xml");
     assert!(output.status.code().is_some(), "{}", text(&output.stderr));
 }
+
+/// What a fit of three parameters leaves: rotor and dead time are known, friction is not.
+const FIT: &str = r#"{ "ok": true, "posterior": { "has_structure": false, "parameters": [
+  { "name": "armature.inertia@yaw", "coordinate": "linear", "mean": 0.02, "sd": 0.001, "min": 0.0, "max": 0.1 },
+  { "name": "command_delay.delay@elbow", "coordinate": "linear", "mean": 0.0151, "sd": 0.003, "min": 0.0, "max": 0.1 },
+  { "name": "viscous_friction.coefficient@shoulder", "coordinate": "linear", "mean": 0.21, "sd": 0.05, "min": 0.0,
+    "max": 2.0 }
+], "correlation": [[1.0, 0.0, -0.95], [0.0, 1.0, 0.0], [-0.95, 0.0, 1.0]] } }"#;
+
+#[test]
+fn isaac_lab_gets_ranges_of_what_is_uncertain() {
+    let lab = lab();
+    lab.write("fit.json", FIT);
+    lab.ok("export fitted.toml --to isaac-lab -o sure.py");
+    lab.ok("export fitted.toml --to isaac-lab -o ranges.py --randomize fit.json");
+    let (sure, ranges) = (lab.read("sure.py"), lab.read("ranges.py"));
+    let new: Vec<&str> = ranges.lines().filter(|line| !sure.lines().any(|known| known == *line)).collect();
+    insta::assert_snapshot!("export_isaac_lab_ranges", new.join("\n"));
+}
+
+#[test]
+fn draws_are_files_that_keep_correlations() {
+    let lab = lab();
+    lab.write("fit.json", FIT);
+    lab.write("arm.xml", MJCF);
+    let told = lab.ok("export fitted.toml arm.xml --to mujoco -o out.xml --randomize fit.json --draws 30");
+    assert!(told.contains("out.000.xml to out.029.xml: draws from what the fit leaves"), "{told}");
+    let number = |text: &str, before: &str| {
+        let rest = text.split_once(before).unwrap().1;
+        rest.split('"').next().unwrap().parse::<f64>().unwrap()
+    };
+    let values: Vec<(f64, f64)> = (0..30)
+        .map(|k| lab.read(&format!("out.{k:03}.xml")))
+        .map(|text| (number(&text, "armature=\"") - 0.02, number(&text, "damping=\"") - 0.21))
+        .collect();
+    let sum = |of: &dyn Fn(&(f64, f64)) -> f64| values.iter().map(of).sum::<f64>();
+    let correlation = sum(&|(a, b)| a * b) / (sum(&|(a, _)| a * a) * sum(&|(_, b)| b * b)).sqrt();
+    assert!(correlation < -0.8, "{correlation}");
+    assert!(lab.read("out.007.effects.json").contains("command_delay"));
+    assert_ne!(lab.read("out.007.effects.json"), lab.read("out.008.effects.json"));
+    // Another seed draws others, the same one the same.
+    let first = lab.read("out.000.xml");
+    lab.ok("export fitted.toml arm.xml --to mujoco -o out.xml --randomize fit.json --draws 1 --seed 1");
+    assert_ne!(lab.read("out.000.xml"), first);
+    lab.ok("export fitted.toml arm.xml --to mujoco -o out.xml --randomize fit.json --draws 1 --seed 0");
+    assert_eq!(lab.read("out.000.xml"), first);
+}
+
+#[test]
+fn what_is_no_fit_of_the_model_is_refused() {
+    let lab = lab();
+    lab.write("fit.json", FIT);
+    lab.write("other.json", &FIT.replace("armature.inertia@yaw", "mass@tail"));
+    lab.write("old.json", r#"{ "ok": true }"#);
+    lab.write("no.json", "fitted");
+    let complaints: Vec<String> = [
+        "--to isaac-lab -o out.py --randomize other.json",
+        "--to isaac-lab -o out.py --randomize old.json",
+        "--to isaac-lab -o out.py --randomize no.json",
+        "--to isaac-lab -o out.py --randomize missing.json",
+        "--to ros2 -o out.yaml --randomize fit.json",
+        "--to urdf -o out.urdf --draws 3",
+        "--to urdf -o out.urdf --randomize fit.json --draws 0",
+    ]
+    .map(|arguments| lab.complaint(&format!("export fitted.toml {arguments}")))
+    .into();
+    insta::assert_snapshot!("export_randomize_refused", complaints.join("---\n"));
+}

@@ -122,7 +122,7 @@ impl<'a> ToyRobot<'a> {
 impl Reality for ToyRobot<'_> {
     fn test(&mut self, trial: &Trial) -> Outcome {
         let mut rng = random::stream(self.seed, &[trial.number as u64]);
-        let noisy = |q: f64| q + SIGMA * crate::search::normal(&mut rng);
+        let noisy = |q: f64| q + SIGMA * crate::random::normal(&mut rng);
         let later = self.later.as_ref().filter(|(from, _)| trial.number >= *from).map(|(_, truth)| truth);
         let readings = self.toy.readings(later.unwrap_or(&self.truth), &trial.controller);
         Outcome::Done(Toy::behaviour(readings.into_iter().map(noisy).collect(), &trial.controller))

@@ -100,7 +100,7 @@ mod tests {
     #[test]
     fn noise_that_is_not_stated_is_estimated_from_the_real_log() {
         let mut rng = crate::random::stream(7, &[]);
-        let mut rough = |i: usize| 0.5 * (i as f64 / 9.0).sin() + 0.01 * crate::search::normal(&mut rng);
+        let mut rough = |i: usize| 0.5 * (i as f64 / 9.0).sin() + 0.01 * crate::random::normal(&mut rng);
         let real = behaviour((0..200).map(&mut rough).collect(), vec![f64::NAN; 200]);
         let sim = behaviour((0..200).map(|i| 0.5 * (i as f64 / 9.0).sin()).collect(), vec![0.0; 200]);
         let distance = Whitened::default().distance(&real, &sim);

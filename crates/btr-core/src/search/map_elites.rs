@@ -6,7 +6,7 @@
 //! interspecies correlation", GECCO 2018: a small step in all directions, and one along the line to another elite.
 
 use super::{UnitPoint, sample};
-use crate::random::Rng;
+use crate::random::{Rng, normal};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -104,9 +104,9 @@ impl MapElites {
 
     /// A step in all directions and one along the line to the other parent. Steps beyond a bound end on it.
     fn child(&self, parent: &[f64], other: &[f64], rng: &mut Rng) -> UnitPoint {
-        let along = self.variation.line * sample::normal(rng);
+        let along = self.variation.line * normal(rng);
         let one =
-            |(x, y): (&f64, &f64)| (x + along * (y - x) + self.variation.step * sample::normal(rng)).clamp(0.0, 1.0);
+            |(x, y): (&f64, &f64)| (x + along * (y - x) + self.variation.step * normal(rng)).clamp(0.0, 1.0);
         parent.iter().zip(other).map(one).collect()
     }
 

@@ -18,7 +18,7 @@ mod sample;
 pub mod spec;
 
 pub use map_elites::MapElites;
-pub(crate) use sample::{is_on_cube, normal, uniform};
+pub(crate) use sample::{is_on_cube, uniform};
 pub use spec::{AnySearch, SEARCHES, SearchSpec};
 
 use crate::random::Rng;

@@ -6,7 +6,7 @@
 use super::best::Best;
 use super::pool::Pool;
 use super::{Search, UnitPoint, sample};
-use crate::random::Rng;
+use crate::random::{Rng, normal};
 use crate::settings;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -98,7 +98,7 @@ impl RealGa {
     fn mutate(&self, mut point: UnitPoint, rng: &mut Rng) -> UnitPoint {
         for x in &mut point {
             if rng.random::<f64>() < self.settings.mutation {
-                *x = (*x + self.settings.sigma * sample::normal(rng)).clamp(0.0, 1.0);
+                *x = (*x + self.settings.sigma * normal(rng)).clamp(0.0, 1.0);
             }
         }
         point

@@ -4,18 +4,6 @@ use super::UnitPoint;
 use crate::random::Rng;
 use rand::RngExt;
 
-/// A standard normal number. Marsaglia and Bray's polar method (SIAM Review 6, 1964); its second number is dropped so
-/// that no state has to be carried from call to call.
-pub(crate) fn normal(rng: &mut Rng) -> f64 {
-    loop {
-        let (u, v) = (2.0 * rng.random::<f64>() - 1.0, 2.0 * rng.random::<f64>() - 1.0);
-        let square = u * u + v * v;
-        if square > 0.0 && square < 1.0 {
-            return u * (-2.0 * square.ln() / square).sqrt();
-        }
-    }
-}
-
 /// A point anywhere in the cube.
 pub(crate) fn uniform(dims: usize, rng: &mut Rng) -> UnitPoint {
     (0..dims).map(|_| rng.random()).collect()

@@ -1,6 +1,6 @@
 //! The complete fit: from a model at its current values to estimates with intervals.
 
-use super::estimate::{Estimate, Intervals, NullDirection, estimates, null_directions};
+use super::estimate::{Estimate, Intervals, NullDirection, Posterior, estimates, null_directions};
 use super::measure::{ComparisonMeasure, held_out_squares};
 use super::objective::{LogSet, Objective};
 use super::remaining::{Degree, RemainingError, remaining};
@@ -36,6 +36,8 @@ pub struct FitResult {
     pub held_out: Option<f64>,
     /// Combinations that these logs do not determine.
     pub null_directions: Vec<NullDirection>,
+    /// What logs and priors leave of all parameters together; `None` without a derivative.
+    pub posterior: Option<Posterior>,
     /// The steps of the fit, with the two errors after each.
     pub ladder: Vec<LadderStep>,
     /// Why the search ended.
@@ -231,6 +233,7 @@ fn conclude(
     FitResult {
         parameters: estimates(objective, &fit, inflation, intervals).into_iter().map(|(_, e)| e).collect(),
         null_directions: null_directions(objective.parameters(), &fit),
+        posterior: Posterior::of(objective, &fit, inflation, withheld.is_some()),
         integrator_error,
         fit,
         train,

@@ -20,7 +20,8 @@ pub use crate::residual_model::NOISE;
 pub use derivative::columns;
 pub(crate) use estimate::NINETY_FIVE;
 pub use estimate::{
-    Estimate, Identifiable, Intervals, NullDirection, Sensitivity, estimates, identifiable, null_directions,
+    Coordinate, Estimate, Identifiable, Intervals, Marginal, NullDirection, Posterior, Sensitivity, estimates,
+    identifiable, null_directions,
 };
 pub use fitted::{FitResult, fitted};
 pub(crate) use fitted::{RESTARTS, withheld};

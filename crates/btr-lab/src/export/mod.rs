@@ -3,6 +3,7 @@
 mod facts;
 mod isaac_lab;
 mod mujoco;
+mod randomize;
 mod request;
 mod rest;
 mod ros2;
@@ -11,10 +12,28 @@ mod xml;
 
 use crate::experiment::{FileError, Source, model};
 use crate::failure::Failure;
+use btr_identify::fit::Posterior;
+use btr_physics::model::Outline;
 use request::Request;
 use std::path::PathBuf;
 
+pub use randomize::{drawn_values, draws, posterior_of};
 pub use request::Exported;
+
+/// Draws from which ranges are taken, and their seed.
+const DRAWS: usize = 400;
+const SEED: u64 = 0;
+
+/// How a format expresses what is uncertain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Randomised {
+    /// By a file for each draw.
+    InFiles,
+    /// By ranges in the file.
+    InRanges,
+    /// Not at all.
+    Never,
+}
 
 /// A format that models can be exported to.
 pub struct Format {
@@ -26,6 +45,8 @@ pub struct Format {
     pub changes_a_file: bool,
     /// Endings of its files.
     pub endings: &'static [&'static str],
+    /// How it expresses what is uncertain.
+    pub randomised: Randomised,
     write: fn(&Request) -> Result<Exported, String>,
 }
 
@@ -36,6 +57,7 @@ pub const FORMATS: &[Format] = &[
         what: "the user's MJCF file with the changed numbers in it",
         changes_a_file: true,
         endings: &["xml", "mjcf"],
+        randomised: Randomised::InFiles,
         write: mujoco::write,
     },
     Format {
@@ -43,6 +65,7 @@ pub const FORMATS: &[Format] = &[
         what: "the model's URDF, or another one, with the changed numbers in it",
         changes_a_file: true,
         endings: &["urdf", "xml"],
+        randomised: Randomised::InFiles,
         write: urdf::write,
     },
     Format {
@@ -50,6 +73,7 @@ pub const FORMATS: &[Format] = &[
         what: "actuator configurations of Isaac Lab, as Python",
         changes_a_file: false,
         endings: &["py"],
+        randomised: Randomised::InRanges,
         write: isaac_lab::write,
     },
     Format {
@@ -57,16 +81,25 @@ pub const FORMATS: &[Format] = &[
         what: "joint limits of ROS 2 (joint_limits.yaml)",
         changes_a_file: false,
         endings: &["yaml", "yml"],
+        randomised: Randomised::Never,
         write: ros2::write,
     },
 ];
 
 /// Exports a model. `file` is the user's file that is changed, by default the model's URDF; `step_s` the physics step
-/// of the other simulator.
+/// of the other simulator; with a posterior, a format with ranges says what it leaves.
 ///
 /// # Errors
-/// An invalid model; a file that is missing, cannot be read or is of another kind; a robot that is in no file.
-pub fn export(source: &Source, format: &Format, file: Option<PathBuf>, step_s: f64) -> Result<Exported, Failure> {
+/// An invalid model; a file that is missing, cannot be read or is of another kind; a robot that is in no file; a
+/// posterior of another model, or in a format that says it by files (see [`draws`]) or not at all.
+pub fn export(
+    source: &Source,
+    format: &Format,
+    file: Option<PathBuf>,
+    step_s: f64,
+    posterior: Option<&Posterior>,
+) -> Result<Exported, Failure> {
+    let drawn = posterior.map(|posterior| drawn(source, format, posterior)).transpose()?.unwrap_or_default();
     let parsed = source.parse()?;
     let model = model(source)?;
     let outline = model.outline().map_err(|error| Failure::simulation(&error, &[]))?;
@@ -79,8 +112,8 @@ pub fn export(source: &Source, format: &Format, file: Option<PathBuf>, step_s: f
         None if !format.changes_a_file => String::new(),
         None => inside.ok_or_else(|| without_file(source, format))?,
     };
-    let request =
-        Request { name: source.path.display().to_string(), model: &model, outline: &outline, text: &text, step_s };
+    let name = source.path.display().to_string();
+    let request = Request { name, model: &model, outline: &outline, drawn: &drawn, text: &text, step_s };
     let mut exported = (format.write)(&request).map_err(|message| {
         let path = path.unwrap_or_else(|| source.path.clone());
         Failure::from(FileError { path, line: 0, column: 0, message: message.into(), help: None })
@@ -93,6 +126,18 @@ pub fn export(source: &Source, format: &Format, file: Option<PathBuf>, step_s: f
     exported.left.extend(facts::moved_joints(&outline, &model.robot));
     exported.left.extend(facts::motors(&outline));
     Ok(exported)
+}
+
+/// The robot at draws from a posterior, for a format with ranges.
+fn drawn(source: &Source, format: &Format, posterior: &Posterior) -> Result<Vec<Outline>, Failure> {
+    let refused = |message: String| Err(Failure::new("usage", message, None));
+    match format.randomised {
+        Randomised::InRanges => {}
+        Randomised::InFiles => return refused(format!("{} has no ranges: export draws of the model", format.name)),
+        Randomised::Never => return refused(format!("{} has one value for each limit, and no ranges", format.name)),
+    }
+    let outline = |source: &Source| model(source)?.outline().map_err(|error| Failure::simulation(&error, &[]));
+    draws(source, posterior, DRAWS, SEED)?.iter().map(outline).collect()
 }
 
 fn without_file(source: &Source, format: &Format) -> Failure {

@@ -7,7 +7,7 @@ use crate::model_text::{FittedValue, adapted, in_finer_steps};
 use btr_core::space::Dim;
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
-use btr_identify::fit::{Degree, Estimate, FitPoint, FitStop, NullDirection, Objective, RemainingError};
+use btr_identify::fit::{Degree, Estimate, FitPoint, FitStop, NullDirection, Objective, Posterior, RemainingError};
 use btr_identify::residual_model::{ResidualModel, TimeStep};
 use serde::Serialize;
 use std::path::Path;
@@ -33,6 +33,8 @@ pub struct FitReport {
     pub remaining: Vec<RemainingError>,
     /// Combinations that are not identifiable from these logs.
     pub null_directions: Vec<NullDirection>,
+    /// What logs and priors leave of all free parameters together, for draws of them.
+    pub posterior: Option<Posterior>,
     /// Error after each step.
     pub error_ladder: Vec<LadderStep>,
     /// Why the search ended.
@@ -93,6 +95,7 @@ pub fn fit(
         degree: fitted.degree,
         remaining: fitted.left,
         null_directions: fitted.null_directions,
+        posterior: fitted.posterior,
         error_ladder: fitted.ladder,
         stop_reason: fitted.ended,
         withheld: fitted.withheld,

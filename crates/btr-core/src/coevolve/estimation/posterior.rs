@@ -1,8 +1,8 @@
 //! The belief about S: a normal distribution on the unit cube, from the bounds alone to the posterior of the real
 //! tests.
 
-use crate::random::Rng;
-use crate::search::{UnitPoint, normal};
+use crate::random::{Rng, normal};
+use crate::search::UnitPoint;
 use crate::space::{Dim, Space};
 use indexmap::IndexMap;
 use nalgebra::{DMatrix, DVector};

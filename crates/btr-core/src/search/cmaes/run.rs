@@ -5,8 +5,8 @@
 
 use super::stop::{CmaStop, CostHistory};
 use super::weights::Weights;
-use crate::random::Rng;
-use crate::search::{UnitPoint, sample};
+use crate::random::{Rng, normal};
+use crate::search::UnitPoint;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
@@ -72,7 +72,7 @@ impl Distribution {
         let n = self.mean.len();
         self.steps.clear();
         for _ in 0..self.lambda {
-            let z = DVector::from_fn(n, |_, _| sample::normal(rng));
+            let z = DVector::from_fn(n, |_, _| normal(rng));
             self.steps.push(&self.axes * z.component_mul(&self.lengths));
         }
         self.steps.iter().map(|y| (&self.mean + y * self.sigma).iter().map(|x| fold(*x)).collect()).collect()

@@ -3,10 +3,12 @@
 mod clusters;
 mod identifiable;
 mod null_directions;
+mod posterior;
 mod precision;
 
 pub use identifiable::{Identifiable, Sensitivity, identifiable};
 pub use null_directions::{NullDirection, null_directions};
+pub use posterior::{Coordinate, Marginal, Posterior};
 
 use super::objective::{LogSet, Objective};
 use super::solve::FitPoint;
@@ -63,12 +65,11 @@ pub fn estimates(
     intervals: Intervals,
 ) -> Vec<(usize, Estimate)> {
     let given = intervals == Intervals::Given;
-    let (description, parameters) = (&objective.description, objective.parameters());
+    let parameters = objective.parameters();
     let covariance = covariance(parameters, fit, inflation, 1.0);
     let (deviations_within, widening) = (covariance.as_ref().map(roots), covariance.as_ref().map(independent));
     let by_logs = precision::covariance(parameters, fit, inflation, LOOSE).as_ref().map(roots);
-    let by_clusters = by_clusters(description, fit);
-    let between_logs = between_logs(description, fit);
+    let wider = deviations_within.as_ref().map(|within| wider(objective, fit, within));
     let by_step = if given { by_step(objective, fit) } else { None };
     let estimate = |(k, &index): (usize, &usize)| {
         let (parameter, u) = (&parameters[index], fit.u[index]);
@@ -77,11 +78,7 @@ pub fn estimates(
         let deviation = deviations_within.as_ref().map(|d| d[k]).filter(|_| given && !at_bound);
         let by_bounds =
             deviation.zip(by_logs.as_ref()).is_some_and(|(within, by_logs)| by_logs[k] > BY_BOUNDS * within);
-        let deviation = deviation.map(|d| match (&between_logs, &by_clusters) {
-            (Some(between_logs), _) => between_logs[k],
-            (None, Some(by_clusters)) => d.max(by_clusters[k]),
-            (None, None) => d,
-        });
+        let deviation = deviation.map(|d| wider.as_ref().map_or(d, |wider| wider[k]));
         let deviation = deviation.map(|d| by_step.as_ref().map_or(d, |by_step| d.hypot(by_step[k])));
         let ends = |d: f64| [-1.0, 1.0].map(|side| parameter.value(parameter.along(u, side * NINETY_FIVE * d)));
         let ci95 = match (parameter.law, deviation) {
@@ -97,6 +94,16 @@ pub fn estimates(
         (index, Estimate { name, unit, value: parameter.value(u), ci95, at_bound, by_bounds, prior_sd })
     };
     fit.active.iter().enumerate().map(estimate).collect()
+}
+
+/// Standard deviations of the free coordinates that are `within` by the covariance, at least as wide as the differences
+/// between parts of the logs suggest; between whole logs where these are runs that differ.
+fn wider(objective: &Objective, fit: &FitPoint, within: &[f64]) -> Vec<f64> {
+    let by_parts = || by_clusters(&objective.description, fit);
+    between_logs(&objective.description, fit).unwrap_or_else(|| match by_parts() {
+        Some(by_parts) => within.iter().zip(by_parts).map(|(within, by_parts)| within.max(by_parts)).collect(),
+        None => within.to_vec(),
+    })
 }
 
 /// By how much the integrator's error moves each free coordinate; `None` where motion is chaotic and the error unknown.

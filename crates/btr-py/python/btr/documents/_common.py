@@ -149,6 +149,35 @@ class NullDirection(Record):
     """The combination in one sentence."""
 
 
+class Marginal(Record):
+    """What logs and priors leave of a parameter: a normal distribution in its coordinate, cut off at its bounds."""
+
+    name: str
+    """Name of the parameter."""
+    coordinate: Literal["linear", "log", "inverse"]
+    """What the other numbers are of: the value itself, its natural logarithm, or its inverse, where 0 is off."""
+    mean: float
+    """Mean: the fitted value."""
+    sd: float
+    """Standard deviation."""
+    min: float
+    """Lower bound."""
+    max: float
+    """Upper bound."""
+
+
+class Posterior(Record):
+    """What logs and priors leave of all free parameters together. Combinations that the logs do not determine are as
+    wide as their priors."""
+
+    parameters: list[Marginal]
+    """Each parameter by itself."""
+    correlation: list[list[float]]
+    """Correlations of the parameters' coordinates, of shape (n, n)."""
+    has_structure: bool
+    """Whether the fit left an error that is not noise: values may stand in for what the model lacks."""
+
+
 class Dimension(Record):
     """A free parameter with its bounds."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 
 from btr import _tables, plots
 from btr import documents as doc
-from btr._btr import Page
+from btr._btr import BtrError, Page
+from btr._inputs import count
 from btr._tables import Rows, cell
 from btr.documents._common import interval
 from btr.results._base import Reported
@@ -39,6 +41,8 @@ class FitResult(Reported):
     """What is left in each channel, on held-out logs if there are any."""
     null_directions: list[doc.NullDirection]
     """Combinations of parameters that the logs do not determine."""
+    posterior: doc.Posterior | None
+    """What logs and priors leave of all parameters together; None if nothing is free. `draws` draws from it."""
     error_ladder: list[doc.LadderStep]
     """The error after each step, in multiples of the noise floor."""
     stop_reason: doc.FitStop
@@ -96,6 +100,28 @@ class FitResult(Reported):
     def success(self) -> bool:
         """Whether the search converged; `stop_reason` says why it ended. SciPy's name."""
         return self.stop_reason == "converged"
+
+    @property
+    def posterior_json(self) -> str:
+        """The posterior as JSON. Raises `BtrError` if the fit has none."""
+        if self.posterior is None:
+            raise BtrError("this fit has no posterior: it had no free parameters")
+        return json.dumps(self.document["posterior"])
+
+    def draws(self, many: int, *, seed: int = 0) -> dict[str, NDArray[np.float64]]:
+        """Values of the fitted parameters for domain randomisation, drawn from the posterior: by name, of shape
+        (many,), in their units. Correlations are kept, and combinations that the logs do not determine vary as widely
+        as before the fit. For `model.simulate_all(draws)`, or one by one:
+
+            drawn = fitted.draws(50)
+            models = [fitted.model.at({name: values[k] for name, values in drawn.items()}) for k in range(50)]
+
+        Where the fit left an error that is not noise (`posterior.has_structure`), the draws are widened by it but may
+        not contain the robot. Raises `BtrError` if nothing was free, and for a negative number."""
+        rows = self.model._model.draws(self.posterior_json, count(many, "many"), count(seed, "seed"))
+        names = [parameter.name for parameter in self.parameters]
+        table = np.array(rows, dtype=np.float64).reshape(len(rows), len(names))
+        return {name: table[:, k] for k, name in enumerate(names)}
 
     def _headline(self) -> str:
         ladder = "; ".join(f"{s.step}: {cell(s.train)}, {cell(s.held_out)} held out" for s in self.error_ladder)

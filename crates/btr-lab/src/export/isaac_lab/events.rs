@@ -1,0 +1,86 @@
+//! Event terms of Isaac Lab that randomise what is uncertain.
+
+use super::super::facts::{JointFacts, joints};
+use super::super::randomize::middle;
+use super::super::request::{Request, number};
+use super::escaped;
+use std::fmt::Write;
+
+/// Least share of a value by which it must vary to be randomised.
+const VARIES: f64 = 1e-3;
+
+/// The names that the terms import.
+pub(super) const IMPORTS: &str =
+    "from isaaclab.envs import mdp\nfrom isaaclab.managers import EventTermCfg, SceneEntityCfg\n";
+
+/// The terms of all joints and links, as a Python dictionary; `None` where nothing is uncertain.
+pub(super) fn terms(request: &Request) -> Option<String> {
+    let facts = joints(request.outline);
+    let drawn: Vec<Vec<JointFacts>> = request.drawn.iter().map(joints).collect();
+    let mut text = String::new();
+    for (k, joint) in facts.iter().enumerate() {
+        let drawn: Vec<&JointFacts> = drawn.iter().filter_map(|draw| draw.get(k)).collect();
+        of_joint(&mut text, joint, &drawn);
+    }
+    for (k, link) in request.outline.robot.links.iter().enumerate() {
+        let masses = request.drawn.iter().filter_map(|draw| Some(draw.robot.links.get(k)?.mass_kg));
+        let range = Some(middle(masses)).filter(|range| varies(*range, link.mass_kg));
+        let term = [("mass_distribution_params", range)];
+        push(&mut text, &link.name, "mass", "randomize_rigid_body_mass", ("body_names", "abs"), &term);
+    }
+    (!text.is_empty()).then(|| format!("# The middle 95 % of what the fit leaves.\nEVENTS = {{\n{text}}}\n"))
+}
+
+fn of_joint(text: &mut String, joint: &JointFacts, drawn: &[&JointFacts]) {
+    let range = |of: &dyn Fn(&JointFacts) -> f64| {
+        Some(middle(drawn.iter().map(|joint| of(joint)))).filter(|range| varies(*range, of(joint)))
+    };
+    let (kp, kd) =
+        (|joint: &JointFacts| joint.gains.map_or(0.0, |g| g.0), |joint: &JointFacts| joint.gains.map_or(0.0, |g| g.1));
+    let gains = [("stiffness_distribution_params", range(&kp)), ("damping_distribution_params", range(&kd))];
+    push(text, &joint.name, "gains", "randomize_actuator_gains", ("joint_names", "abs"), &gains);
+    let scaled = |of: &dyn Fn(&JointFacts) -> f64| Some(range(of)?.map(|end| end / of(joint)));
+    // Isaac Lab draws static, dynamic and viscous friction by one range of factors.
+    let of_friction = [
+        scaled(&|joint| joint.static_friction.max(joint.coulomb)),
+        scaled(&|joint| joint.coulomb),
+        scaled(&|joint| joint.viscous),
+    ];
+    let friction = of_friction.into_iter().flatten().reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]);
+    let parameters =
+        [("friction_distribution_params", friction), ("armature_distribution_params", scaled(&|joint| joint.armature))];
+    push(text, &joint.name, "friction and rotor", "randomize_joint_parameters", ("joint_names", "scale"), &parameters);
+}
+
+/// Whether a range is wide enough to be said.
+fn varies([low, high]: [f64; 2], value: f64) -> bool {
+    (high - low).is_finite() && value != 0.0 && high - low > VARIES * value.abs()
+}
+
+/// One term, unless it has no range.
+fn push(
+    text: &mut String,
+    name: &str,
+    what: &str,
+    function: &str,
+    (of, operation): (&str, &str),
+    ranges: &[(&str, Option<[f64; 2]>)],
+) {
+    if ranges.iter().all(|(_, range)| range.is_none()) {
+        return;
+    }
+    let key = serde_json::Value::from(format!("{name} {what}"));
+    let expression = serde_json::Value::from(escaped(name));
+    let _ = write!(
+        text,
+        "    {key}: EventTermCfg(\n        func=mdp.{function},\n        mode=\"reset\",\n        params={{\n            \
+         \"asset_cfg\": SceneEntityCfg(\"robot\", {of}=[{expression}]),\n"
+    );
+    for (field, [low, high]) in ranges.iter().filter_map(|(field, range)| Some((field, (*range)?))) {
+        let _ = writeln!(text, "            \"{field}\": ({}, {}),", number(low), number(high));
+    }
+    let _ = write!(
+        text,
+        "            \"operation\": \"{operation}\",\n            \"distribution\": \"uniform\",\n        }},\n    ),\n"
+    );
+}
