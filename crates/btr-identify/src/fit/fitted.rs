@@ -196,6 +196,7 @@ fn begin(objective: &mut Objective, ladder: &mut LadderRecorder) -> Result<FitPo
 fn finish(objective: &mut Objective, mut fit: FitPoint, ladder: &mut LadderRecorder, step: &str) -> FinishedSearch {
     fit.jacobian = None;
     fit.solve(objective, SearchBudget::FULL);
+    fit.leave_dead_sizes(objective);
     fit.sharpen(objective);
     let integrator_error = fit.renew_step_error(objective);
     let ended = fit.solve(objective, SearchBudget { jacobians: 2, steps: 8 });

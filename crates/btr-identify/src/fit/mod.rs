@@ -1,6 +1,7 @@
 //! Fitting the free parameters to measurements: an objective, a bounded search, start states, and estimates with
 //! intervals.
 
+mod dead;
 mod derivative;
 mod estimate;
 mod fitted;

@@ -50,6 +50,11 @@ pub struct ModelDescription {
     /// For each candidate, names of the channels that it mainly affects; empty where it affects all. The first
     /// screening tries candidates that affect different channels in one rollout.
     pub candidate_channels: Vec<Vec<String>>,
+    /// Parameters that show in the channels of one limb alone, and these channels, where limbs on a held base do not
+    /// act on each other. Changes in different limbs share a rollout.
+    pub limb_parameters: Vec<(usize, Vec<String>)>,
+    /// Parameters that, where they are not 0, let limbs act on each other.
+    pub joining: Vec<usize>,
     /// What acts in the joints of a prescribed motion, joint by joint; see [`ResidualModel::joint_parts`].
     ///
     /// [`ResidualModel::joint_parts`]: super::ResidualModel::joint_parts
@@ -104,6 +109,8 @@ impl ModelDescription {
             parameters,
             candidates: Vec::new(),
             candidate_channels: Vec::new(),
+            limb_parameters: Vec::new(),
+            joining: Vec::new(),
             joint_laws: Vec::new(),
             inertial: Vec::new(),
             inertial_unless: Vec::new(),

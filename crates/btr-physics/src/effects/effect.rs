@@ -134,6 +134,10 @@ pub trait Effect: Sync {
     fn is_common(&self) -> bool {
         false
     }
+    /// Whether what one joint does reaches others through it, beside the robot's links.
+    fn joins_limbs(&self) -> bool {
+        false
+    }
     /// Whether it changes what a joint's encoder reads, and with that the motion that a log describes.
     fn changes_readings(&self) -> bool {
         false
@@ -189,6 +193,10 @@ pub trait Effect: Sync {
     fn world(&self, _p: &[f64], _setup: &mut Setup) {}
     /// Adds constant properties of a joint, before the run.
     fn joint(&self, _p: &[f64], _dof: &mut Dof) {}
+    /// Whether [`joint`](Self::joint) is all that it does, so that no step has to call it.
+    fn is_constant(&self) -> bool {
+        false
+    }
     /// Number of values in its memory per joint, for steps of `dt_s`.
     fn memory(&self, _p: &[f64], _dt_s: f64) -> usize {
         0

@@ -85,6 +85,9 @@ impl JointControl {
 
     fn place(&mut self, placed: &PlacedEffect, dt_s: f64) {
         placed.effect.joint(&placed.values, &mut self.passive);
+        if placed.effect.is_constant() {
+            return;
+        }
         let memory = vec![0.0; placed.effect.memory(&placed.values, dt_s)];
         let (effect, values) = (placed.effect, placed.values.clone());
         self.rotor |= effect.motor_side(&memory, 0.0).is_some();

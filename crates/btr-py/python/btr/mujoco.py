@@ -119,10 +119,13 @@ class _Joint:
             for changed in filters:
                 command = changed(command, q)
             data.ctrl[actuator] = command * gear
+        # A torque is constant during the step: it is that of the middle.
+        q_mid = q + 0.5 * self._dt_s * dq
+        dq_mid = dq + 0.5 * self._dt_s * float(data.qacc[self._dof])
         for values in self._effects:
             if values["effect"] in _TORQUES:
                 load = float(data.qfrc_actuator[self._dof])
-                torque, friction, damping = _TORQUES[values["effect"]](values, q, dq, load)
+                torque, friction, damping = _TORQUES[values["effect"]](values, q_mid, dq_mid, load)
                 data.qfrc_applied[self._dof] += torque
                 model.dof_frictionloss[self._dof] += friction
                 model.dof_damping[self._dof] += damping

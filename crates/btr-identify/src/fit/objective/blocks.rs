@@ -1,5 +1,6 @@
 //! Blocks of a Jacobian. Where the motion is prescribed, a joint's torque depends on what acts in that joint and on the
-//! links, so that most of the Jacobian is zero: sums over it skip that, and updates leave it.
+//! links; on a held base, a limb's motion depends on that limb. Most of the Jacobian is zero then: sums over it skip
+//! that, and updates leave it.
 
 use crate::fit::rollouts::rows_near;
 use crate::residual_model::{ModelDescription, RecordedLog};
@@ -8,13 +9,18 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// For each parameter of what acts in one joint of a prescribed motion, the channels in which it shows.
-pub(super) struct OwnChannels(HashMap<usize, Vec<String>>);
+/// For each parameter of what acts in one joint of a prescribed motion, or in one limb, the channels in which it shows.
+pub(super) struct OwnChannels {
+    channels: HashMap<usize, Vec<String>>,
+    /// Parameters that, where they are not 0, let what acts in one limb show in the others.
+    joining: Vec<usize>,
+}
 
 impl OwnChannels {
     pub(super) fn new(description: &ModelDescription) -> Self {
         if !description.is_decoupled {
-            return OwnChannels(HashMap::new());
+            let channels = description.limb_parameters.iter().cloned().collect();
+            return OwnChannels { channels, joining: description.joining.clone() };
         }
         let candidates = description.candidates.iter().zip(&description.candidate_channels);
         let of_candidates = candidates.flat_map(|(candidate, near)| candidate.parameters().map(move |k| (k, near)));
@@ -22,17 +28,23 @@ impl OwnChannels {
         let of_joints = description.joint_laws.iter();
         let in_joints = of_joints.flat_map(|laws| laws.parameters.iter().map(move |&k| (k, &laws.channels)));
         let all = of_candidates.chain(laws).chain(in_joints);
-        OwnChannels(all.filter(|(_, near)| !near.is_empty()).map(|(k, near)| (k, near.clone())).collect())
+        let near = all.filter(|(_, near)| !near.is_empty()).map(|(k, near)| (k, near.clone()));
+        OwnChannels { channels: near.collect(), joining: Vec::new() }
+    }
+
+    /// Whether parameters show in their channels alone at a point.
+    pub(super) fn hold_at(&self, u: &[f64]) -> bool {
+        self.joining.iter().all(|&k| u[k] == 0.0)
     }
 
     /// The channels of a parameter; empty where it shows in all.
     pub(super) fn of(&self, parameter: usize) -> &[String] {
-        self.0.get(&parameter).map_or(&[], Vec::as_slice)
+        self.channels.get(&parameter).map_or(&[], Vec::as_slice)
     }
 
     /// The blocks of the Jacobian of these logs with respect to some parameters; none where it is dense.
     pub(super) fn blocks(&self, logs: &[&RecordedLog], active: &[usize]) -> Vec<Block> {
-        if self.0.is_empty() {
+        if self.channels.is_empty() || active.iter().any(|k| self.joining.contains(k)) {
             return Vec::new();
         }
         let mut blocks: Vec<(&String, Block)> = Vec::new();

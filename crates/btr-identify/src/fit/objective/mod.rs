@@ -79,8 +79,8 @@ impl<'a> Objective<'a> {
         rows
     }
 
-    /// The channels in which a parameter shows, where the motion is prescribed and the parameter is one of what acts in
-    /// a joint; empty where it shows in all.
+    /// The channels in which a parameter shows, where that is one of what acts in a joint of a prescribed motion, or in a
+    /// limb; empty where it shows in all.
     pub(crate) fn channels_of(&self, parameter: usize) -> &[String] {
         self.own_channels.of(parameter)
     }
@@ -101,7 +101,7 @@ impl<'a> Objective<'a> {
         blocks::curvature(jacobian, &self.blocks_of(logs, active))
     }
 
-    /// Residuals with each of some parameters moved, those of different joints of a prescribed motion in one rollout;
+    /// Residuals with each of some parameters moved, those that show in different channels in one rollout;
     /// the error of a rollout in the place of those that it was for. `usual` is the residual without a move, for the
     /// channels where a parameter does not show.
     pub(super) fn moved(
@@ -110,7 +110,9 @@ impl<'a> Objective<'a> {
         u: &[f64],
         usual: &[f64],
     ) -> Vec<Result<ResidualVector, WorldError>> {
-        let groups = shared(points.iter().map(|(parameter, _)| self.channels_of(*parameter)));
+        let alone = self.own_channels.hold_at(u);
+        let channels_of = |parameter: usize| if alone { self.channels_of(parameter) } else { &[] };
+        let groups = shared(points.iter().map(|(parameter, _)| channels_of(*parameter)));
         let together = |group: &Vec<usize>| {
             let mut point = u.to_vec();
             group.iter().for_each(|&k| point[points[k].0] = points[k].1[points[k].0]);
@@ -121,7 +123,7 @@ impl<'a> Objective<'a> {
         for (group, residual) in groups.iter().zip(residuals) {
             for &k in group {
                 of_points[k] = residual.as_ref().map_err(Clone::clone).map(|residual| {
-                    let near = self.channels_of(points[k].0);
+                    let near = channels_of(points[k].0);
                     let mut own = if near.is_empty() { residual.clone() } else { usual.to_vec() };
                     let rows = if near.is_empty() { Vec::new() } else { self.rows_near(LogSet::Learn, near) };
                     rows.into_iter().for_each(|rows| own[rows.clone()].copy_from_slice(&residual[rows]));

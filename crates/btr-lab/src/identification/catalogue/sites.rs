@@ -3,7 +3,7 @@
 use btr_physics::effects::{DryFriction, Effect, PlacedEffect, SiteKind};
 use btr_physics::model::Model;
 use btr_physics::robot::site::{instance, matches, numbered};
-use btr_physics::robot::{Link, Robot};
+use btr_physics::robot::{JointKind, Link, Robot};
 
 /// Sites at which an effect could act and is not yet present; where a joint may have several, the first instance that
 /// is not.
@@ -49,13 +49,12 @@ pub(crate) fn has_dry_friction(model: &Model, joint: &str) -> bool {
 }
 
 /// For each movable joint, the position channels of its limb: all joints that are connected to the root by the same
-/// joint.
+/// movable joint.
 pub(in crate::identification) fn limbs(robot: &Robot) -> Vec<Vec<String>> {
-    let limb = |mut link: usize| {
-        while let Some(parent) = robot.links[link].parent.filter(|&parent| robot.links[parent].parent.is_some()) {
-            link = parent;
-        }
-        link
+    let moves = |link: usize| robot.links[link].parent.is_some() && robot.links[link].joint.kind != JointKind::Fixed;
+    let limb = |link: usize| {
+        let chain = std::iter::successors(Some(link), |&link| robot.links[link].parent);
+        chain.filter(|&link| moves(link)).last().unwrap_or(link)
     };
     let limb_of_joint: Vec<usize> = robot.movable().map(|(link, _)| limb(link)).collect();
     let channel = |link: &Link| format!("q_{}", link.joint.name);

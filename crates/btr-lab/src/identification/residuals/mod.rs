@@ -1,6 +1,7 @@
 //! Residuals of the identification problem: measured minus simulated, at any point and from any start state.
 
 mod joint_laws;
+mod limbs;
 
 use crate::identification::contact::noise_floor;
 use crate::identification::problem::IdentificationProblem;
@@ -30,6 +31,8 @@ impl ResidualModel for IdentificationProblem {
             free: self.free.clone(),
             candidates: self.candidates.clone(),
             candidate_channels: self.near.clone(),
+            limb_parameters: self.limb_parameters(),
+            joining: self.joining(),
             joint_laws: self.joint_laws(),
             inertial: self.inertial(),
             inertial_unless: self.inertial_unless(),
@@ -159,7 +162,7 @@ impl IdentificationProblem {
     /// Description of a log's initial state.
     fn start(&self, log: usize) -> LogStart {
         let number = |number: usize| StartNumber {
-            channels: self.start_channels(log, number).to_vec(),
+            channels: self.start_channels(log, number),
             // The start of a floating robot is estimated differently.
             search_sd: (self.model.robot.base == Base::Fixed).then(|| OPEN[number % 2]),
         };
@@ -185,12 +188,17 @@ impl IdentificationProblem {
     }
 
     /// Names of the channels in which a coordinate of a log's initial state shows; empty if it shows in all.
-    fn start_channels(&self, log: usize, number: usize) -> &[String] {
-        match windows::nudged_joint(number, self.model.robot.movable().count()) {
-            Some(joint) if self.model.robot.base == Base::Floating && !self.parts[log].windows.is_empty() => {
-                &self.limbs[joint]
+    fn start_channels(&self, log: usize, number: usize) -> Vec<String> {
+        let windows = !self.parts[log].windows.is_empty();
+        match self.model.robot.base {
+            Base::Fixed if windows => Vec::new(),
+            Base::Fixed => {
+                let joint = self.nudged(log).nth(number / 2).map(|(joint, _)| joint);
+                joint.map_or_else(Vec::new, |joint| self.channels_beside(joint))
             }
-            _ => &[],
+            Base::Floating if windows => windows::nudged_joint(number, self.model.robot.movable().count())
+                .map_or_else(Vec::new, |joint| self.limbs[joint].clone()),
+            Base::Floating => Vec::new(),
         }
     }
 

@@ -31,6 +31,10 @@ impl Effect for CoulombFriction {
         DryFriction::Adds
     }
 
+    fn is_constant(&self) -> bool {
+        true
+    }
+
     fn joint(&self, p: &[f64], dof: &mut Dof) {
         dof.dry_friction += p[0];
     }

@@ -38,6 +38,10 @@ impl Effect for FrictionCreep {
         DryFriction::Changes
     }
 
+    fn is_constant(&self) -> bool {
+        true
+    }
+
     fn joint(&self, p: &[f64], dof: &mut Dof) {
         dof.creep = Creep { rate: p[0], time_s: p[1] };
     }

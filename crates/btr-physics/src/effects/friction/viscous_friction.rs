@@ -26,6 +26,10 @@ impl Effect for ViscousFriction {
         TorqueLaw::Proportional
     }
 
+    fn is_constant(&self) -> bool {
+        true
+    }
+
     fn joint(&self, p: &[f64], dof: &mut Dof) {
         dof.torque.damping += p[0];
     }

@@ -27,6 +27,10 @@ impl Effect for Armature {
         TorqueLaw::Proportional
     }
 
+    fn is_constant(&self) -> bool {
+        true
+    }
+
     fn joint(&self, p: &[f64], dof: &mut Dof) {
         dof.armature += p[0];
     }

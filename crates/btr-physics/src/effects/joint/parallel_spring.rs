@@ -26,6 +26,10 @@ impl Effect for ParallelSpring {
         TorqueLaw::Proportional
     }
 
+    fn is_constant(&self) -> bool {
+        true
+    }
+
     fn joint(&self, p: &[f64], dof: &mut Dof) {
         dof.torque.stiffness += p[0];
         dof.torque.constant += p[0] * p[1];

@@ -28,6 +28,10 @@ impl Effect for VoltageSag {
         true
     }
 
+    fn joins_limbs(&self) -> bool {
+        true
+    }
+
     fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, state: &JointInput) {
         motor.scale(1.0 / (1.0 + p[0] * state.load));
     }
