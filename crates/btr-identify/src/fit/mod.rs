@@ -22,7 +22,7 @@ pub(crate) use estimate::NINETY_FIVE;
 pub use estimate::{
     Estimate, Identifiable, Intervals, NullDirection, Sensitivity, estimates, identifiable, null_directions,
 };
-pub use fitted::{FitResult, fitted};
+pub use fitted::{FitResult, FitStart, StartValues, fitted, fitted_from};
 pub(crate) use fitted::{RESTARTS, withheld};
 pub use measure::ComparisonMeasure;
 pub use objective::{LogSet, Objective, StopSignal};

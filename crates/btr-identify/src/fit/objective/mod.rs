@@ -114,7 +114,7 @@ impl<'a> Objective<'a> {
     /// difference.
     pub(crate) fn with_starts_at(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {
         let (moved, rollouts) = nearest_starts(self.model, &self.description, u, MOVED);
-        self.rollouts.fetch_add(rollouts, Ordering::Relaxed);
+        self.add_rollouts(rollouts);
         self.model.derive(&match moved.is_empty() {
             true => Derivation::WithStartsAt(u.to_vec()),
             false => Derivation::WithInitialState(moved),
@@ -124,6 +124,11 @@ impl<'a> Objective<'a> {
     /// Takes over the rollout count of an objective that was derived from this one.
     pub(crate) fn count(&self, other: &Objective) {
         self.rollouts.store(other.rollouts(), Ordering::Relaxed);
+    }
+
+    /// Counts logs that were simulated for another objective.
+    pub(super) fn add_rollouts(&self, rollouts: usize) {
+        self.rollouts.fetch_add(rollouts, Ordering::Relaxed);
     }
 
     /// Simulated logs so far.
