@@ -105,7 +105,6 @@ impl DiagnosisState {
         } else if self.leaves_something(objective, &self.fit) {
             self.fit.polish(objective);
             self.perturb(objective, found.candidate);
-            self.release(objective);
         }
         let step = objective.candidates()[found.candidate].step();
         self.chosen.push(found);

@@ -1,9 +1,9 @@
-//! Restarts of a search that may have stopped in a local minimum.
+//! Restarts of a search that may have stopped before a jump of the error.
 
 use super::DiagnosisState;
 use crate::diagnose::own;
 use crate::diagnose::refit::{FOLLOWER, RESHAPED};
-use crate::fit::{FitPoint, Objective, SearchBudget};
+use crate::fit::{FitPoint, Objective};
 
 /// How far parameters are perturbed to restart a search: amplitudes by this share, shapes by this much of their
 /// coordinate...
@@ -40,27 +40,6 @@ impl DiagnosisState {
             let Some(mut best) = best.filter(|best| best.cost < LOWER * self.fit.cost) else { return };
             own::solve(objective, candidate, &mut best, FOLLOWER);
             self.fit = best;
-        }
-    }
-
-    /// Free parameters that stand at a bound may have compensated for what was missing, and a search from there may not
-    /// find back: restarts it with all of them at the model's values, and the effects as they were found.
-    pub(super) fn release(&mut self, objective: &Objective) {
-        let (parameters, free) = (objective.parameters(), &objective.description.free);
-        let is_at_bound =
-            |&k: &usize| self.fit.u[k] <= parameters[k].bounds.0 || self.fit.u[k] >= parameters[k].bounds.1;
-        let is_needed = !objective.description.is_chaotic && self.leaves_something(objective, &self.fit);
-        if !is_needed || !free.iter().any(is_at_bound) {
-            return;
-        }
-        let mut u = self.fit.u.clone();
-        free.iter().for_each(|&k| u[k] = 0.0);
-        // Where that cannot be simulated, the fit stays.
-        let released = FitPoint::at(objective, self.fit.active.clone(), u, &self.fit.step_error);
-        let Ok(mut released) = released else { return };
-        released.solve(objective, SearchBudget::FULL);
-        if released.cost < LOWER * self.fit.cost {
-            self.fit = released;
         }
     }
 }
