@@ -132,8 +132,8 @@ impl RobotScales {
 
     /// Factor for the bounds of a parameter in this unit at a site. The mass of a payload is bounded by what the robot
     /// is made to carry, not by the link that carries it: a flange is light. Nor is the inertia of its geared motor,
-    /// which the measured torques bound where the motion is prescribed. Nor is drag bounded by how fast the model moves:
-    /// a robot whose commands are limited in their rate is slower.
+    /// which the measured torques bound where the motion is prescribed. Drag is not bounded by how fast the model
+    /// moves: a robot whose commands are limited in their rate is slower.
     pub(crate) fn of_bounds(&self, unit: &str, site: &str) -> f64 {
         let of_hint = self.of_unit(unit, site);
         match unit {

@@ -1,5 +1,5 @@
-//! Where a fit begins: effects that are added begin where a diagnosis would begin them, and `--from` begins at the values
-//! of another model.
+//! Where a fit begins: effects that are added begin where a diagnosis would begin them, and `--from` begins at the
+//! values of another model.
 
 use crate::freeze::estimate;
 use crate::lab::{Lab, robots, text};
