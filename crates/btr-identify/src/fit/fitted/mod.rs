@@ -223,29 +223,32 @@ mod tests {
     use crate::fixture::{SyntheticModel, parameter};
     use crate::residual_model::{FitParameter, Parametrisation};
 
-    /// A cosine of this rate; the cost has a local minimum at many rates.
-    fn cosine(rate: f64) -> SyntheticModel {
-        let unknown = FitParameter {
+    /// A cosine of an unknown rate: the cost has a local minimum at many rates.
+    fn cosine(residual: fn(&[f64]) -> Vec<f64>) -> SyntheticModel {
+        let rate = FitParameter {
             spread: 3.0,
             reach: 0.01,
             ..parameter(Parametrisation::Exponential, 1.0, std::f64::consts::LN_2)
         };
-        SyntheticModel::new(vec![unknown], 120, move |values| {
-            let swing = |rate: f64, row: usize| 30.0 * (rate * row as f64 * 0.05).cos();
-            (0..120).map(|row| swing(rate, row) - swing(values[0], row)).collect()
-        })
+        SyntheticModel::new(vec![rate], 120, residual)
+    }
+
+    /// What a rate leaves of the cosine with the true one.
+    fn left(truth: f64, rate: f64) -> Vec<f64> {
+        let swing = |rate: f64, row: usize| 30.0 * (rate * row as f64 * 0.05).cos();
+        (0..120).map(|row| swing(truth, row) - swing(rate, row)).collect()
     }
 
     #[test]
     fn a_parameter_of_unknown_magnitude_is_started_at_several() {
-        let model = cosine(3.7);
+        let model = cosine(|values| left(3.7, values[0]));
         let found = fitted(&mut Objective::new(&model), &|_| {}).unwrap();
         assert!((found.parameters[0].value - 3.7).abs() < 0.01, "{:?}", found.ladder);
     }
 
     #[test]
     fn a_start_that_is_known_is_begun_at_and_another_is_asked_for_where_more_than_noise_is_left() {
-        let model = cosine(11.0);
+        let model = cosine(|values| left(11.0, values[0]));
         let found = |start: &FitStart| fitted_from(&mut Objective::new(&model), start, &|_| {}).unwrap();
         let is_found = |found: &FitResult| (found.parameters[0].value - 11.0).abs() < 0.01;
         let plain = found(&FitStart::default());
