@@ -118,6 +118,22 @@ def test_effects_that_the_stepper_does_not_know_are_named(robot):
     assert btr.mujoco.EffectStepper(model, effects).ignored == ["robot: voltage_sag", "yaw: backlash"]
 
 
+def test_a_step_leaves_the_model_as_it_was(robot):
+    model = mujoco.MjModel.from_xml_path(str(robot))
+    model.dof_frictionloss[:], model.dof_damping[:] = 0.1, 0.2
+    slides = {"effect": "asymmetric_friction", "coulomb_forward": 0.3, "coulomb_backward": 0.3}
+    slides |= {"viscous_forward": 0.1, "viscous_backward": 0.1}
+    stepper = btr.mujoco.EffectStepper(model, {"joints": {"yaw": [slides]}})
+    data = mujoco.MjData(model)
+    data.ctrl[:] = 0.5
+    free = [stepper.step(data) or float(data.qpos[0]) for _ in range(50)]
+    assert np.all(model.dof_frictionloss == 0.1) and np.all(model.dof_damping == 0.2)
+    # So a second stepper of the same model does the same.
+    again, data = btr.mujoco.EffectStepper(model, {"joints": {"yaw": [slides]}}), mujoco.MjData(model)
+    data.ctrl[:] = 0.5
+    assert [again.step(data) or float(data.qpos[0]) for _ in range(50)] == free
+
+
 def test_readings_are_late_and_off(robot):
     model = mujoco.MjModel.from_xml_path(str(robot))
     data = mujoco.MjData(model)

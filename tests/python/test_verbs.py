@@ -59,6 +59,19 @@ def test_what_a_diagnosis_found_is_in_its_model(arm: btr.Model, answer: tuple) -
     assert early.cut_short and early.names == [] and "best so far" in repr(early)
 
 
+def test_a_fit_begins_at_what_a_diagnosis_found(arm: btr.Model, answer: tuple, tmp_path: Path) -> None:
+    found, _ = answer
+    fitted = btr.fit(arm, LEARN, held_out=HELD_OUT, start=found.model)
+    assert fitted.error_ladder[1]["step"] == "at the other model's values"
+    assert fitted.train <= 1.001 * found.error_ladder[-1]["train"]
+    assert "coulomb_friction.torque@yaw" in fitted.model.text
+    found.model.save(tmp_path / "found.toml")
+    again = btr.fit(arm, LEARN, held_out=HELD_OUT, start=tmp_path / "found.toml")
+    assert again.values == fitted.values
+    with pytest.raises(btr.BtrError, match="another robot"):
+        btr.fit(arm, LEARN, start=ROBOTS / "nao.toml")
+
+
 def test_fitted_numbers_as_a_frame_have_the_ends_of_their_intervals(arm: btr.Model) -> None:
     pytest.importorskip("pandas", reason="frames need pandas")
     fitted = btr.fit(arm, LEARN, held_out=HELD_OUT, add="coulomb_friction@yaw")

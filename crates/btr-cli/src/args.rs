@@ -134,7 +134,8 @@ pub(crate) enum Verb {
     /// Fit the free parameters of a model to logs
     #[command(
         override_usage = held_out_usage!("fit"),
-        after_help = "Example:\n  btr fit arm.toml monday.mcap --add coulomb_friction@elbow -o fitted.toml --report fit.html"
+        after_help = "Examples:\n  btr fit arm.toml monday.mcap --add coulomb_friction@elbow -o fitted.toml --report fit.html\n  \
+        btr diagnose arm.toml monday.mcap -o found.toml && btr fit arm.toml monday.mcap --from found.toml -o fitted.toml"
     )]
     Fit(FitArgs),
     /// Write what a model says into files of other simulators
@@ -380,6 +381,10 @@ pub(crate) struct FitArgs {
     /// Effect to add before fitting; without a site, at every possible site with values of its own (`@*` shares one)
     #[arg(long, value_name = "EFFECT[@SITE]")]
     pub(crate) add: Vec<String>,
+    /// Begin at the values that this model states for the parameters, and add the effects that it has as free
+    /// parameters: a model of the same robot that `diagnose -o` or `fit -o` wrote. Bounds and priors stay MODEL's
+    #[arg(long, value_name = "FITTED")]
+    pub(crate) from: Option<PathBuf>,
     /// Also estimate the base parameters of an arm whose motion is prescribed: the combinations of masses, moments,
     /// inertias, friction and rotors that the logs can tell
     #[arg(long)]

@@ -52,6 +52,7 @@ impl Failure {
             ProblemError::FreezesNothing { .. } | ProblemError::NoValueToFreeze(_) => {
                 Failure::new("freeze", message, help)
             }
+            ProblemError::StartHas { .. } | ProblemError::StartSaysNothing(_) => Failure::new("start", message, help),
             ProblemError::NotPrescribed(_) | ProblemError::FreeLength(_) => {
                 Failure::new("base_parameters", message, help)
             }

@@ -132,13 +132,15 @@ impl RobotScales {
 
     /// Factor for the bounds of a parameter in this unit at a site. The mass of a payload is bounded by what the robot
     /// is made to carry, not by the link that carries it: a flange is light. Nor is the inertia of its geared motor,
-    /// which the measured torques bound where the motion is prescribed.
+    /// which the measured torques bound where the motion is prescribed. Drag is not bounded by how fast the model
+    /// moves: a robot whose commands are limited in their rate is slower.
     pub(crate) fn of_bounds(&self, unit: &str, site: &str) -> f64 {
         let of_hint = self.of_unit(unit, site);
         match unit {
             "kg" => of_hint.max(self.whole.mass / DESK.mass),
             // Bounds of inertias are for 1 kg·m².
             "kg·m²" | "kg·m^2" => of_hint.max(self.of_joint(site).rotor),
+            "N·m·s²/rad²" | "N·m·s^2/rad^2" => of_hint.max(self.of_unit("N·m", site)),
             _ => of_hint,
         }
     }
@@ -196,6 +198,8 @@ mod tests {
         let scales = RobotScales { joints: Vec::new(), whole };
         let drag = btr_physics::effects::find("quadratic_drag").unwrap().spec();
         assert!((scales.of_unit(drag.params[0].unit, "*") - 2.0 / 16.0).abs() < 1e-12);
+        // A model may move faster than the robot, but hardly with more torque.
+        assert!((scales.of_bounds(drag.params[0].unit, "*") - 2.0).abs() < 1e-12);
     }
 
     #[test]

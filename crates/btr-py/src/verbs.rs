@@ -6,13 +6,14 @@ use crate::model::Model;
 use crate::page::Page;
 use crate::work::{ExecutorChoice, at_once, working};
 use btr_identify::LadderStep;
+use btr_identify::residual_model::ResidualModel;
 use btr_lab::distributed::RemoteModel;
 use btr_lab::execution::ExecutionContext;
 use btr_lab::experiment;
 use btr_lab::experiment::{DamagedLogs, LogSource, Replays, Source};
 use btr_lab::failure::Failure;
 use btr_lab::verbs;
-use btr_lab::verbs::VerbInput;
+use btr_lab::verbs::{FitOptions, StartModel, VerbInput};
 use btr_report::Subject;
 use btr_report::html;
 use pyo3::prelude::*;
@@ -101,7 +102,8 @@ pub(crate) fn diagnose(
     })
 }
 
-/// The free parameters at their best, with effects added first and some parameters frozen, and the base parameters if
+/// The free parameters at their best, with effects added first and some parameters frozen, from the values of the model
+/// `start` if there is one, and the base parameters if
 /// asked for: the answer, its page, the numbers as they were (JSON) and the fitted model's text.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, reason = "called from one place, by name there")]
@@ -111,6 +113,7 @@ pub(crate) fn fit(
     logs: Vec<LogArgument>,
     held_out: Vec<LogArgument>,
     add: Vec<String>,
+    start: Option<&Model>,
     freeze: Vec<String>,
     base_parameters: bool,
     strict: bool,
@@ -118,11 +121,11 @@ pub(crate) fn fit(
     executor: Option<ExecutorChoice>,
 ) -> PyResult<(String, Page, String, String)> {
     let (logs, held_out, context) = (sources(logs), sources(held_out), model.context(py, executor)?);
+    let start = start.map(|start| start.source.clone());
     working(py, &context, || {
-        let source = model.source.clone();
-        let replays = replays(&source, [&logs, &held_out], strict)?;
-        let input = VerbInput::with(source, replays, &add).and_then(|input| input.freezing(&freeze));
-        let input = input.map_err(Raise::raise)?;
+        let start = start.map(StartModel::new).transpose().map_err(Raise::raise)?;
+        let options = FitOptions { add: &add, freeze: &freeze, start: start.as_ref() };
+        let input = fitted_input(model, [&logs, &held_out], strict, options)?;
         if base_parameters {
             input.check_base_parameters().map_err(Raise::raise)?;
         } else if let Some(failure) = Failure::nothing_to_fit(&input) {
@@ -130,8 +133,10 @@ pub(crate) fn fit(
         }
         let heard = |ladder_step: &LadderStep| say(&context, &tell, ladder_step);
         let family = served(&input, &context)?;
-        let (mut found, fit, step) =
-            verbs::fit(&input, &family, &heard).map_err(|error| Failure::simulation_failure(&input, &error).raise())?;
+        let before = input.before.as_ref().map(|before| served(before, &context)).transpose()?;
+        let before = before.as_ref().map(|before| before as &dyn ResidualModel);
+        let (mut found, fit, step) = verbs::fit(&input, &family, before, &heard)
+            .map_err(|error| Failure::simulation_failure(&input, &error).raise())?;
         if base_parameters {
             found.base_parameters = Some(verbs::base_parameters(&input, &fit, step).map_err(Raise::raise)?);
         }
@@ -143,6 +148,16 @@ pub(crate) fn fit(
         let page = move || html::fit(&Subject { input: &input, logs: &logs, held_out: &held_out }, &found, &u);
         Ok((document, Page::new(&model.source, page), space, text))
     })
+}
+
+/// The input of a fit of a model to logs.
+fn fitted_input(model: &Model, logs: [&[LogSource]; 2], strict: bool, options: FitOptions) -> PyResult<VerbInput> {
+    let source = match options.start {
+        Some(start) => start.completing(model.source.clone()).map_err(Raise::raise)?,
+        None => model.source.clone(),
+    };
+    let replays = replays(&source, logs, strict)?;
+    VerbInput::to_fit(source, replays, options).map_err(Raise::raise)
 }
 
 /// Calls a listener in Python. An exception in it cancels the work.

@@ -4,36 +4,27 @@ use super::common;
 use super::common::{announce, write_report, write_text};
 use crate::args::{FitArgs, Global};
 use crate::exit::DONE;
+use btr_identify::residual_model::ResidualModel;
+use btr_lab::experiment::Source;
 use btr_lab::failure::Failure;
 use btr_lab::output::{OutputKind, guard, inputs};
 use btr_lab::verbs;
-use btr_lab::verbs::{BaseReport, ErrorUnit, FitReport, VerbInput};
+use btr_lab::verbs::{BaseReport, ErrorUnit, FitOptions, FitReport, StartModel, VerbInput};
 use btr_report::Subject;
 use btr_report::base_parameters;
 use btr_report::html;
 use btr_report::table::{Table, number};
 
 pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
-    let source = common::source_of(&args.logs_args.model, &args.logs_args.reading, global)?;
-    let model = OutputKind::Model.at(args.output.as_deref());
-    let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(model);
-    guard(outputs, inputs(&source, args.logs_args.all_logs()))?;
-    let logs = [&args.logs_args.logs[..], &args.logs_args.held_out[..]];
-    let (replays, doubts) = common::replays(&source, logs, &args.logs_args.reading, global)?;
-    let input = VerbInput::with(source, replays, &args.add)
-        .and_then(|input| input.freezing(&args.logs_args.freeze))
-        .map_err(|e| Failure::input(e, &doubts).of_simulated(&args.logs_args.model))?;
-    if args.base_parameters {
-        input.check_base_parameters().map_err(|e| Failure::input(e, &doubts).of_simulated(&args.logs_args.model))?;
-    } else if let Some(failure) = Failure::nothing_to_fit(&input) {
-        return Err(failure);
-    }
+    let input = input_of(args, global)?;
+    tell_unstated(&input, args, global);
     let unit = input.error_unit();
-    let (mut report, fit, step) = verbs::fit(&input, &input.problem, &|step| common::tell(step, unit, global))
+    let before = input.before.as_ref().map(|before| &before.problem as &dyn ResidualModel);
+    let (mut report, fit, step) = verbs::fit(&input, &input.problem, before, &|step| common::tell(step, unit, global))
         .map_err(|error| Failure::simulation_failure(&input, &error))?;
     if args.base_parameters {
         let base = verbs::base_parameters(&input, &fit, step)
-            .map_err(|e| Failure::input(e, &doubts).of_simulated(&args.logs_args.model))?;
+            .map_err(|e| Failure::input(e, &input.doubts).of_simulated(&args.logs_args.model))?;
         report.base_parameters = Some(base);
     }
     if let Some(output) = &args.output {
@@ -58,6 +49,39 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
     announce(args.output.as_deref(), "the fitted model", global);
     announce(args.logs_args.report.as_deref(), "the report", global);
     Ok(DONE)
+}
+
+/// The model and the logs, with what is added, frozen and begun at; checks that the outputs can be written.
+fn input_of(args: &FitArgs, global: &Global) -> Result<VerbInput, Failure> {
+    let FitArgs { logs_args, add, from, base_parameters, output } = args;
+    let source = common::source_of(&logs_args.model, &logs_args.reading, global)?;
+    let start = from.as_ref().map(|path| StartModel::new(Source::read(path)?)).transpose()?;
+    let outputs = OutputKind::Report.at(logs_args.report.as_deref()).into_iter();
+    let outputs = outputs.chain(OutputKind::Model.at(output.as_deref()));
+    guard(outputs, inputs(&source, logs_args.all_logs().chain(from.clone())))?;
+    let source = match &start {
+        Some(start) => start.completing(source)?,
+        None => source,
+    };
+    let logs = [&logs_args.logs[..], &logs_args.held_out[..]];
+    let (replays, doubts) = common::replays(&source, logs, &logs_args.reading, global)?;
+    let refused = |error| Failure::input(error, &doubts).of_simulated(&logs_args.model);
+    let options = FitOptions { add, freeze: &logs_args.freeze, start: start.as_ref() };
+    let input = VerbInput::to_fit(source, replays, options).map_err(refused)?;
+    if *base_parameters {
+        input.check_base_parameters().map_err(refused)?;
+    } else if let Some(failure) = Failure::nothing_to_fit(&input) {
+        return Err(failure);
+    }
+    Ok(input)
+}
+
+/// Says which parameters begin at the model's values, where another model states the others.
+fn tell_unstated(input: &VerbInput, args: &FitArgs, global: &Global) {
+    let unstated = input.unstated();
+    if let Some(start) = args.from.as_ref().filter(|_| !unstated.is_empty() && !global.quiet) {
+        eprintln!("{} does not state {}: begun as without it", start.display(), unstated.join(", "));
+    }
 }
 
 fn show(report: &FitReport, unit: ErrorUnit) {

@@ -29,4 +29,5 @@ mod reproducibility;
 mod robot_programs;
 mod runs;
 mod scenarios;
+mod start;
 mod verbs;

@@ -105,8 +105,7 @@ impl MapElites {
     /// A step in all directions and one along the line to the other parent. Steps beyond a bound end on it.
     fn child(&self, parent: &[f64], other: &[f64], rng: &mut Rng) -> UnitPoint {
         let along = self.variation.line * normal(rng);
-        let one =
-            |(x, y): (&f64, &f64)| (x + along * (y - x) + self.variation.step * normal(rng)).clamp(0.0, 1.0);
+        let one = |(x, y): (&f64, &f64)| (x + along * (y - x) + self.variation.step * normal(rng)).clamp(0.0, 1.0);
         parent.iter().zip(other).map(one).collect()
     }
 

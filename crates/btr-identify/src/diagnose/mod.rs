@@ -5,6 +5,7 @@
 //! again where others make them superfluous. The answer may be that nothing is missing, or that nothing known explains
 //! the error.
 
+mod beginning;
 mod companion;
 mod evidence;
 mod judge;
@@ -20,20 +21,22 @@ mod state;
 pub mod thresholds;
 mod together;
 
+pub use beginning::with_effects;
 pub use report::{DiagnoseOptions, Diagnosis, Evidence, MissingEffect, RankedCandidate, RivalPoint, Verdict};
 pub use residual_law::ResidualLaw;
 
 use crate::LadderStep;
 use crate::fit::measure::ComparisonMeasure;
 use crate::fit::second_look::{LEFT_OUT, without_glitches};
-use crate::fit::{Degree, FitPoint, Intervals, Objective, RESTARTS, SearchBudget, estimates, remaining};
+use crate::fit::{Degree, Intervals, Objective, RESTARTS, estimates, remaining};
+use beginning::begin;
 use btr_core::world::{Cancelled, WorldError};
 use companion::{companion, exchange, exchange_for_larger, is_near, weigh_pairs};
 use evidence::NoiseBound;
 use refit::Rival;
-use report::SEARCH;
+use report::{SEARCH, SecondLooks};
 use residual_law::residual_law;
-use round::{SecondLooks, round};
+use round::round;
 use state::DiagnosisState;
 use thresholds::{AT_MOST_WITH_LEFT_OVER, LEFT_OVER};
 use together::two;
@@ -184,38 +187,6 @@ fn add(
     if objective.description.is_decoupled {
         state.split(objective, |state, index| state.may_depend_on_latest(objective, index), on_step);
     }
-}
-
-/// Fits the model's free parameters without any effect.
-fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<DiagnosisState, WorldError> {
-    let free = objective.description.free.clone();
-    let origin = vec![0.0; objective.parameters().len()];
-    let mut fit = FitPoint::at(objective, free.clone(), origin, &[])?;
-    let mut state = DiagnosisState {
-        held_out: None,
-        fit: fit.clone(),
-        bare: fit.clone(),
-        chosen: Vec::new(),
-        ladder: Vec::new(),
-        rivals: Vec::new(),
-        rounds: Vec::new(),
-        unconfirmed: None,
-        settled: Vec::new(),
-        left_over: None,
-        integrator: fit.renew_step_error(objective),
-        unexplained_at_first: 0.0,
-    };
-    state.fit = fit;
-    state.record(objective, "model as it stands".to_owned(), on_step);
-    objective.set_stoppable(true);
-    if !free.is_empty() {
-        state.fit.solve(objective, SearchBudget::FULL);
-        state.integrator = state.fit.renew_step_error(objective);
-        state.fit.solve(objective, SearchBudget { jacobians: 1, steps: 6 });
-        state.record(objective, "its parameters fitted".to_owned(), on_step);
-    }
-    state.bare = state.fit.clone();
-    Ok(state)
 }
 
 fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: DiagnosisState) -> Diagnosis {

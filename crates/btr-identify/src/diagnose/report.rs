@@ -2,13 +2,16 @@
 
 use super::residual_law::ResidualLaw;
 use crate::LadderStep;
-use crate::fit::{Degree, Estimate, FitPoint, RemainingError};
+use crate::fit::{Degree, Estimate, FitPoint, Objective, RemainingError};
 use crate::quality::GlitchReport;
 use crate::residual_model::{CandidateKind, EffectCandidate};
 use serde::{Deserialize, Serialize};
 
 /// Share of the rollouts for effects; the rest is for a law.
 pub(super) const SEARCH: f64 = 0.8;
+
+/// Share of the allowed rollouts up to which a round looks at the candidates in more than one way.
+const SECOND_LOOK: f64 = 0.5;
 
 /// Limits of a diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +34,25 @@ impl DiagnoseOptions {
 impl Default for DiagnoseOptions {
     fn default() -> Self {
         DiagnoseOptions { max_effects: 3, max_rollouts: usize::MAX }
+    }
+}
+
+/// Whether a round may look at the candidates in more than one way.
+pub(super) struct SecondLooks {
+    options: DiagnoseOptions,
+    /// Whether one was not allowed.
+    pub(super) refused: bool,
+}
+
+impl SecondLooks {
+    pub(super) fn new(options: DiagnoseOptions) -> Self {
+        SecondLooks { options, refused: false }
+    }
+
+    pub(super) fn allow(&mut self, objective: &Objective) -> bool {
+        let allowed = self.options.allows(SECOND_LOOK, objective.rollouts());
+        self.refused |= !allowed;
+        allowed
     }
 }
 

@@ -4,7 +4,7 @@
 use super::judge::judge_rivals;
 use super::own;
 use super::refit::{Rival, last_chance, last_chance_of_the_best, race};
-use super::report::{DiagnoseOptions, MissingEffect};
+use super::report::{MissingEffect, SecondLooks};
 use super::screen::{StartPoint, is_searched, screen};
 use super::short_parts::from_short_parts;
 use super::state::DiagnosisState;
@@ -17,9 +17,6 @@ const MODEST: f64 = 0.5;
 /// If it leaves more than this share, it has hardly moved the free parameters, and a second screening from where they
 /// are now would show the same.
 const HARDLY: f64 = 0.7;
-
-/// Share of the allowed rollouts up to which a round looks at the candidates in more than one way.
-const SECOND_LOOK: f64 = 0.5;
 
 /// An error above this many noise floors, even with the leader, is far away: probes around a motion that has run off
 /// predict little.
@@ -36,25 +33,6 @@ const OTHER_SITES: usize = 3;
 enum Look {
     AtTheWhole,
     InWindows,
-}
-
-/// Whether a round may look at the candidates in more than one way.
-pub(super) struct SecondLooks {
-    options: DiagnoseOptions,
-    /// Whether one was not allowed.
-    pub(super) refused: bool,
-}
-
-impl SecondLooks {
-    pub(super) fn new(options: DiagnoseOptions) -> Self {
-        SecondLooks { options, refused: false }
-    }
-
-    fn allow(&mut self, objective: &Objective) -> bool {
-        let allowed = self.options.allows(SECOND_LOOK, objective.rollouts());
-        self.refused |= !allowed;
-        allowed
-    }
 }
 
 /// A rival that is accepted, with what is to be said of it.
@@ -80,19 +58,11 @@ fn attempt(
     offered: &[usize],
 ) -> Vec<Accepted> {
     state.unconfirmed = None;
-    let (mut rivals, starts) = first_rivals(objective, state, second_looks, offered);
-    let Some(leader) = rivals.first() else { return Vec::new() };
-    let hardly = leader.fit.squares() > HARDLY * state.fit.squares() && !objective.description.has_contact;
-    if leader.fit.squares() > MODEST * state.fit.squares() {
-        drop_effect(objective, leader, state).into_iter().for_each(|drop_effect| state.follow(objective, drop_effect));
+    let rivals = rivals(objective, state, second_looks, offered);
+    if rivals.is_empty() {
+        return Vec::new();
     }
-    let once_more = leaves_much(objective, &rivals) && !hardly && second_looks.allow(objective);
-    let screened = if once_more { starts.as_slice() } else { &[] };
-    let again = to_be_tried_again(objective, leader, &rivals, screened, offered);
-    let others = from_the_leader(objective, state, leader, &again);
-    rivals = best_of_each(rivals.into_iter().chain(others).collect());
     if objective.description.has_contact {
-        let rivals = on_the_ground(objective, state, rivals, offered);
         return judge_rivals(objective, state, rivals).into_iter().collect();
     }
     let judged = judge_rivals(objective, state, rivals.clone());
@@ -107,6 +77,27 @@ fn attempt(
     let late = last_chance_of_the_best(objective, &state.fit, &others, &rivals[0].fit);
     state.rounds.pop();
     judge_rivals(objective, state, best_of_each(rivals.into_iter().chain(late).collect())).into_iter().collect()
+}
+
+/// The candidates `offered` that explain most, fitted, best first; the base follows where the best has moved it.
+pub(super) fn rivals(
+    objective: &mut Objective,
+    state: &mut DiagnosisState,
+    second_looks: &mut SecondLooks,
+    offered: &[usize],
+) -> Vec<Rival> {
+    let (rivals, starts) = first_rivals(objective, state, second_looks, offered);
+    let Some(leader) = rivals.first() else { return rivals };
+    let hardly = leader.fit.squares() > HARDLY * state.fit.squares() && !objective.description.has_contact;
+    if leader.fit.squares() > MODEST * state.fit.squares() {
+        drop_effect(objective, leader, state).into_iter().for_each(|drop_effect| state.follow(objective, drop_effect));
+    }
+    let once_more = leaves_much(objective, &rivals) && !hardly && second_looks.allow(objective);
+    let screened = if once_more { starts.as_slice() } else { &[] };
+    let again = to_be_tried_again(objective, leader, &rivals, screened, offered);
+    let others = from_the_leader(objective, state, leader, &again);
+    let rivals = best_of_each(rivals.into_iter().chain(others).collect());
+    if objective.description.has_contact { on_the_ground(objective, state, rivals, offered) } else { rivals }
 }
 
 /// The winner and those at other joints, if it shows in its joint's channel alone. An effect of the links shows in all

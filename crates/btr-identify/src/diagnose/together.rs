@@ -2,8 +2,8 @@
 //! accepted alone. The one that the training logs show is taken for granted, and a round looks for the other.
 
 use super::evidence::LogErrors;
-use super::report::{DiagnoseOptions, Evidence, SEARCH};
-use super::round::{SecondLooks, round};
+use super::report::{DiagnoseOptions, Evidence, SEARCH, SecondLooks};
+use super::round::round;
 use super::screen;
 use super::state::DiagnosisState;
 use super::thresholds::HELD_OUT_FALL;

@@ -24,7 +24,7 @@ pub use estimate::{
     Coordinate, Estimate, Identifiable, Intervals, Marginal, NullDirection, Posterior, Sensitivity, estimates,
     identifiable, null_directions,
 };
-pub use fitted::{FitResult, fitted};
+pub use fitted::{FitResult, FitStart, StartValues, fitted, fitted_from};
 pub(crate) use fitted::{RESTARTS, withheld};
 pub use measure::ComparisonMeasure;
 pub use objective::{LogSet, Objective, StopSignal};

@@ -19,7 +19,7 @@ mod simulated;
 mod start;
 
 pub(crate) use catalogue::sites::{has_dry_friction, sites};
-pub use input::{Doubt, ErrorUnit, FittedGlitch, NoiseFloor, VerbInput, doubts};
+pub use input::{Doubt, ErrorUnit, FitOptions, FittedGlitch, NoiseFloor, StartModel, VerbInput, doubts};
 pub use problem::IdentificationProblem;
 pub use problem_error::ProblemError;
 pub(crate) use start::moved::seen_starts;

@@ -3,7 +3,7 @@
 use crate::experiment::FileError;
 use crate::model_text::AddError;
 use crate::suggest::remedy;
-use btr_core::text::{Text, Verb};
+use btr_core::text::{Mention, Text, Verb};
 use btr_core::world::WorldError;
 use btr_identify::quality::FEWEST_SAMPLES;
 
@@ -31,6 +31,17 @@ pub enum ProblemError {
     /// A parameter to freeze that stands for several values of the model.
     #[error("`{0}` cannot be frozen: the model has no single value of it")]
     NoValueToFreeze(String),
+    /// An effect of the model that a fit should begin with, which the fitted model lacks.
+    #[error("{start} has `{effect}` with values of its own, and the model that is fitted lacks it")]
+    StartHas {
+        /// The model to begin with.
+        start: String,
+        /// `effect@site`.
+        effect: String,
+    },
+    /// A model to begin with that states none of the parameters that are fitted.
+    #[error("{0} states no value of any parameter that is fitted")]
+    StartSaysNothing(String),
     /// Logs in which nothing moves.
     #[error("nothing moves in the training logs, so they contain no information about the model")]
     Still,
@@ -59,6 +70,13 @@ impl ProblemError {
             ProblemError::FreezesNothing { pattern, known } => remedy(pattern, known.iter().map(String::as_str)),
             ProblemError::NoValueToFreeze(name) => {
                 format!("give the value to keep: \"{name}\" = {{ value = ... }} in [parameters] of the model file")
+                    .into()
+            }
+            ProblemError::StartHas { .. } => {
+                Text::from("copy its [[effects]] section into the model, or ") + Mention::AddEffect
+            }
+            ProblemError::StartSaysNothing(_) => {
+                "begin with a model that a diagnosis or a fit of this one wrote: it has the same names in [parameters]"
                     .into()
             }
             ProblemError::Still => {

@@ -4,6 +4,7 @@ mod adapt;
 mod add_effect;
 mod add_law;
 mod enlarged;
+mod parameters_of;
 mod paths;
 mod rigid_bodies;
 
@@ -12,6 +13,7 @@ pub(crate) use add_effect::add_scaled;
 pub use add_effect::{AddError, Addition, add};
 pub use add_law::{OwnLaw, OwnNumber, add_law};
 pub use enlarged::enlarges;
+pub(crate) use parameters_of::with_parameters_of;
 pub(crate) use paths::each_named_file;
 pub use paths::{moved, named_files};
 pub(crate) use rigid_bodies::{StatedBody, with_bodies};

@@ -7,7 +7,9 @@ use crate::model_text::{FittedValue, adapted, in_finer_steps};
 use btr_core::space::Dim;
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
-use btr_identify::fit::{Degree, Estimate, FitPoint, FitStop, NullDirection, Objective, Posterior, RemainingError};
+use btr_identify::fit::{
+    Degree, Estimate, FitPoint, FitStart, FitStop, NullDirection, Objective, Posterior, RemainingError, fitted_from,
+};
 use btr_identify::residual_model::{ResidualModel, TimeStep};
 use serde::Serialize;
 use std::path::Path;
@@ -73,18 +75,26 @@ pub struct FitReport {
 }
 
 /// Fits the free parameters; `on_step` is called with every step of the error ladder. Returns the fit and its time
-/// step. `residual_model` is the input's problem, evaluated locally or by workers.
+/// step. `residual_model` is the input's problem, and `before` that of the input before effects were added, if there
+/// were any: both are evaluated locally or by workers.
 ///
 /// # Errors
-/// The reason why the model cannot be simulated at its current values.
+/// The reason why the model cannot be simulated at its current values, or where the fit should begin.
 pub fn fit(
     input: &VerbInput,
     residual_model: &dyn ResidualModel,
+    before: Option<&dyn ResidualModel>,
     on_step: &dyn Fn(&LadderStep),
 ) -> Result<(FitReport, FitPoint, TimeStep), WorldError> {
     let began = Instant::now();
     let mut objective = Objective::new(residual_model);
-    let fitted = btr_identify::fit::fitted(&mut objective, on_step)?;
+    let screened = || input.screened(before?);
+    let start = FitStart {
+        values: input.start.clone().unwrap_or_default(),
+        step: "at the other model's values".to_owned(),
+        search: Some(&screened),
+    };
+    let fitted = fitted_from(&mut objective, &start, on_step)?;
     let glitches = input.in_files(&fitted.glitches);
     let report = FitReport {
         ok: true,

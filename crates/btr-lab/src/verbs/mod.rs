@@ -13,7 +13,9 @@ mod held_out;
 mod next_experiment;
 mod stated_low;
 
-pub use crate::identification::{Doubt, ErrorUnit, FittedGlitch, NoiseFloor, ProblemError, VerbInput, doubts};
+pub use crate::identification::{
+    Doubt, ErrorUnit, FitOptions, FittedGlitch, NoiseFloor, ProblemError, StartModel, VerbInput, doubts,
+};
 pub use crate::log_quality::repeats::{Drift, RepeatReport, RepeatedChannel, RepeatedRegime, RunOutlier};
 pub use crate::model_text::{AddError, Addition, OwnLaw, OwnNumber, add, add_law};
 pub use base_parameters::{BaseReport, PossibleBody, PossibleReport, base_parameters};

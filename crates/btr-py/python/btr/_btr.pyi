@@ -181,6 +181,7 @@ def fit(
     logs: Sequence[_Given],
     held_out: Sequence[_Given],
     add: Sequence[str],
+    start: Model | None,
     freeze: Sequence[str],
     base_parameters: bool,
     strict: bool,

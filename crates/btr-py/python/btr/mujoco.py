@@ -62,15 +62,14 @@ class EffectStepper:
             joint.reset()
 
     def step(self, data: Any) -> None:
-        """One step of `mujoco.mj_step` with the effects. `data.ctrl` and `data.qfrc_applied` are the caller's: they are
-        the same afterwards."""
+        """One step of `mujoco.mj_step` with the effects. `data.ctrl`, `data.qfrc_applied` and the model are the
+        caller's: they are the same afterwards."""
         command, applied = np.array(data.ctrl), np.array(data.qfrc_applied)
-        self._model.dof_frictionloss[:] = self._frictionloss
-        self._model.dof_damping[:] = self._damping
         for joint in self._joints:
             joint.act(self._model, data)
         self._mujoco.mj_step(self._model, data)
         data.ctrl[:], data.qfrc_applied[:] = command, applied
+        self._model.dof_frictionloss[:], self._model.dof_damping[:] = self._frictionloss, self._damping
         for joint in self._joints:
             joint.read(data)
 

@@ -118,6 +118,7 @@ def fit(
     *,
     held_out: LogLike | Iterable[LogLike] | None = None,
     add: str | Iterable[str] | None = None,
+    start: Model | str | os.PathLike[str] | None = None,
     freeze: str | Iterable[str] | None = None,
     base_parameters: bool = False,
     strict: bool = False,
@@ -125,17 +126,21 @@ def fit(
     executor: ExecutorLike = None,
 ) -> FitResult:
     """Fits the free parameters: values with 95 % intervals, in their units, and the fitted model. `add` adds effects
-    first. `freeze` keeps the free parameters of these names at the model's values; `*` in a name matches any characters
-    (`"mass@*"`). `base_parameters` also estimates, for an arm whose motion is prescribed, the combinations of masses,
-    moments, inertias, friction and rotors that the logs tell; the fitted model then has possible values of all of them.
+    first. `start` is a model of the same robot, such as the `model` of a diagnosis or of a fit: the fit begins at the
+    values that it states, and effects that only it has are added; bounds and priors stay those of `model`. `freeze`
+    keeps the free parameters of these names at the model's values; `*` in a name matches any characters (`"mass@*"`).
+    `base_parameters` also estimates, for an arm whose motion is prescribed, the combinations of masses, moments,
+    inertias, friction and rotors that the logs tell; the fitted model then has possible values of all of them.
     `executor` selects where simulations run (see `btr.executors`). Raises `BtrError` for a model without free
-    parameters (unless `base_parameters`), for logs without information, or on which the model diverges. Logs that
-    cannot be used are left out among others, unless `strict` (see `check`). An exception of `tell` ends the fit."""
+    parameters (unless `base_parameters`), for a `start` of another robot, or with an effect under `[[effects]]` that
+    the model lacks, for logs without information, or on which the model diverges. Logs that cannot be used are left
+    out among others, unless `strict` (see `check`). An exception of `tell` ends the fit."""
     model, workers, tell = loaded(model), executor_of(executor), _heard(tell)
     added, frozen = _texts(add), _texts(freeze)
+    begun = None if start is None else loaded(start)._model
     given = Logs(model._model)
     learn, held = given.all(logs), given.all(held_out)
     document, page, space, fitted = _btr.fit(
-        model._model, learn, held, added, frozen, base_parameters, strict, tell, workers
+        model._model, learn, held, added, begun, frozen, base_parameters, strict, tell, workers
     )
     return FitResult(_warned(json.loads(document)), page, json.loads(space), model._with_text(fitted))

@@ -27,7 +27,17 @@ impl VerbInput {
         let (frozen, free): (Vec<usize>, Vec<usize>) = (0..dims.len()).partition(|&k| is_frozen(&dims[k]));
         self.frozen = frozen.into_iter().map(|k| dims[k].name.clone()).collect();
         self.problem.set_free(free);
+        if let Some(before) = &mut self.before {
+            before.freeze_as(&self.frozen);
+        }
         Ok(self)
+    }
+
+    /// Keeps the parameters of these names at the model's values.
+    fn freeze_as(&mut self, frozen: &[String]) {
+        let dims = self.problem.model().simulations.dims();
+        let free = (0..dims.len()).filter(|&k| !frozen.contains(&dims[k].name)).collect();
+        self.problem.set_free(free);
     }
 
     /// The free parameters, without the frozen ones.

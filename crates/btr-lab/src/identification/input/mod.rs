@@ -3,15 +3,18 @@
 mod floors;
 mod freeze;
 mod glitches;
+mod start;
 
 pub use floors::{ErrorUnit, NoiseFloor};
 pub use glitches::FittedGlitch;
+pub use start::{FitOptions, StartModel};
 
 use super::problem::IdentificationProblem;
 use super::problem_error::ProblemError;
 use crate::experiment::{CheckedLog, LeftOutLog, LogPlace, LogSource, Recordings, Replays, Source, replays};
 use crate::model_text::{Addition, add_scaled};
 use btr_core::log::Log;
+use btr_identify::fit::StartValues;
 use btr_identify::quality::{FEWEST_SAMPLES, Finding};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -29,6 +32,10 @@ pub struct VerbInput {
     pub not_judged: Vec<String>,
     /// Parameters of effects that were added to the model, by name.
     added: Vec<String>,
+    /// The input before they were added.
+    pub before: Option<Box<VerbInput>>,
+    /// The coordinates of the model's own parameters at which a fit begins, where another model states them.
+    pub(crate) start: Option<StartValues>,
     /// Parameters that keep the model's values, by name.
     pub frozen: Vec<String>,
     /// Logs that could not be used.
@@ -88,7 +95,20 @@ impl VerbInput {
         let problem = if replays.keeps_glitches { problem } else { problem.searching_glitches() };
         let (added, frozen) = (Vec::new(), Vec::new());
         let Replays { left_out, recordings, places, .. } = replays;
-        Ok(VerbInput { source, problem, doubts, not_judged, added, frozen, left_out, recordings, places })
+        let (before, start) = (None, None);
+        Ok(VerbInput {
+            source,
+            problem,
+            doubts,
+            not_judged,
+            added,
+            before,
+            start,
+            frozen,
+            left_out,
+            recordings,
+            places,
+        })
     }
 
     /// The same with effects added to the model, their bounds scaled to the robot's motion in the logs; `replays` is
@@ -106,10 +126,10 @@ impl VerbInput {
             additions.iter().map(|text| Addition::parse(text, robot)).collect::<Result<_, _>>()?;
         let text = add_scaled(&bare.source, bare.problem.scales(), &additions)?;
         let known = names(&bare.problem);
-        let Recordings { learn, held_out } = bare.recordings;
-        let input = VerbInput::new(Source { text, ..bare.source }, &learn, &held_out)?;
+        let Recordings { learn, held_out } = &bare.recordings;
+        let input = VerbInput::new(Source { text, ..bare.source.clone() }, learn, held_out)?;
         let added = names(&input.problem).into_iter().filter(|name| !known.contains(name)).collect();
-        Ok(VerbInput { left_out: bare.left_out, added, ..input })
+        Ok(VerbInput { left_out: bare.left_out.clone(), added, before: Some(Box::new(bare)), ..input })
     }
 
     /// The training logs and the held-out logs that are used: files, or names.

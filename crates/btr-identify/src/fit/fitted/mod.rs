@@ -1,5 +1,10 @@
 //! The complete fit: from a model at its current values to estimates with intervals.
 
+mod beginning;
+mod ladder;
+
+use self::beginning::{TRIAL, begin, placed};
+use self::ladder::LadderRecorder;
 use super::estimate::{Estimate, Intervals, NullDirection, Posterior, estimates, null_directions};
 use super::measure::{ComparisonMeasure, held_out_squares};
 use super::objective::{LogSet, Objective};
@@ -12,13 +17,7 @@ use crate::quality::GlitchReport;
 use crate::residual_model::TimeStep;
 use btr_core::world::{Cancelled, WorldError};
 
-/// Start values of amplitudes that are off: off, where some effects have no slope, and two sizes next to it.
-const STARTS: [f64; 3] = [0.0, 0.4, 1.5];
-/// Factors of further start values of parameters of unknown magnitude, tried while something is left to explain: the
-/// cost may have a separate local minimum where a limit is far too low or too high.
-const MAGNITUDES: [f64; 4] = [0.5, 2.0, 0.25, 4.0];
-/// Budget of each start; only the best one continues.
-const TRIAL: SearchBudget = SearchBudget { jacobians: 1, steps: 6 };
+pub use self::beginning::{FitStart, StartValues};
 
 /// A search has converged if settling lowers the cost by at most this share.
 const CONVERGED: f64 = 1e-3;
@@ -59,28 +58,6 @@ pub struct FitResult {
     pub rollouts: usize,
 }
 
-/// The steps so far, and the listener that is called with each.
-struct LadderRecorder<'a> {
-    steps: Vec<LadderStep>,
-    on_step: &'a dyn Fn(&LadderStep),
-}
-
-impl LadderRecorder<'_> {
-    fn record(&mut self, objective: &Objective, step: &str, fit: &FitPoint) {
-        let train = chi(fit.squares(), objective.samples(LogSet::Learn));
-        let held_out = held_out_squares(objective, &fit.u).filter(|_| !objective.logs(LogSet::HeldOut).is_empty());
-        let held_out = held_out.map(|squares| chi(squares, objective.samples(LogSet::HeldOut)));
-        let step = LadderStep { step: step.to_owned(), train, held_out };
-        (self.on_step)(&step);
-        self.steps.push(step);
-    }
-
-    /// The last error on held-out logs; without such, on training logs.
-    fn error(&self) -> f64 {
-        self.steps.last().map_or(f64::INFINITY, |step| step.held_out.unwrap_or(step.train))
-    }
-}
-
 /// A fit, why it ended, and the integrator's error.
 type FinishedSearch = (FitPoint, FitStop, f64);
 
@@ -96,12 +73,43 @@ const MOST: f64 = 0.5;
 /// # Errors
 /// The reason why the model cannot be simulated at its current values, or cancelled work.
 pub fn fitted(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<FitResult, WorldError> {
+    fitted_from(objective, &FitStart::default(), on_step)
+}
+
+/// The same from a start that is known.
+///
+/// # Errors
+/// See [`fitted`]; the reason why the model cannot be simulated at the start.
+pub fn fitted_from(
+    objective: &mut Objective,
+    start: &FitStart,
+    on_step: &dyn Fn(&LadderStep),
+) -> Result<FitResult, WorldError> {
     let mut ladder = LadderRecorder { steps: Vec::new(), on_step };
-    let fit = begin(objective, &mut ladder)?;
+    let fit = begin(objective, start, &mut ladder)?;
     let done = finish(objective, fit, &mut ladder, "fitted");
+    let done = from_another_start(objective, done, start, &mut ladder);
     let restarts_left = if objective.description.has_contact { 1 } else { RESTARTS };
     let fitted = refine_starts(objective, done, ladder, restarts_left)?;
     if objective.model.is_cancelled() { Err(Cancelled.into()) } else { Ok(fitted) }
+}
+
+/// Where a fit leaves more than noise, the one from the other start, if it leaves less.
+fn from_another_start(
+    objective: &mut Objective,
+    done: FinishedSearch,
+    start: &FitStart,
+    ladder: &mut LadderRecorder,
+) -> FinishedSearch {
+    let leaves = chi(done.0.squares(), objective.samples(LogSet::Learn));
+    let Some(search) = start.search.filter(|_| leaves > objective.noise_bound()) else { return done };
+    let Some((values, rollouts)) = search() else { return done };
+    objective.add_rollouts(rollouts);
+    let u = placed(objective, &values, done.0.u.clone());
+    // Another start that cannot be simulated is none.
+    let Ok(mut other) = FitPoint::at(objective, done.0.active.clone(), u, &done.0.step_error) else { return done };
+    other.solve(objective, SearchBudget::FULL);
+    if other.cost < LESS * done.0.cost { finish(objective, other, ladder, "added effects searched") } else { done }
 }
 
 /// Continues with start states from the fitted model, at most `restarts_left` times. Without contact, that is always
@@ -152,44 +160,6 @@ fn is_better(again: &Objective, fit: &FitPoint, objective: &Objective, before: &
         && chi(judged, samples(LogSet::HeldOut).max(1)) <= objective.noise_bound();
     let share = if explained { LESS } else { MOST };
     learnt < share * learnt_before || judged < share * judged_before
-}
-
-/// The best of several starts.
-fn begin(objective: &mut Objective, ladder: &mut LadderRecorder) -> Result<FitPoint, WorldError> {
-    let free = objective.description.free.clone();
-    let mut fit = FitPoint::at(objective, free.clone(), vec![0.0; objective.parameters().len()], &[])?;
-    fit.renew_step_error(objective);
-    let (objective, parameters) = (&*objective, objective.parameters());
-    ladder.record(objective, "model as it stands", &fit);
-    let off: Vec<usize> = free.iter().copied().filter(|&k| parameters[k].amplitude).collect();
-    let open: Vec<usize> = free.iter().copied().filter(|&k| parameters[k].is_of_any_magnitude()).collect();
-    if off.is_empty() && open.is_empty() {
-        fit.search_stairs(objective);
-        return Ok(fit);
-    }
-    // A start that cannot be simulated is skipped: others can.
-    let start = |(size, factor): (f64, f64)| {
-        let mut u = fit.u.clone();
-        off.iter().for_each(|&k| u[k] = parameters[k].clamp(size));
-        open.iter().for_each(|&k| u[k] = parameters[k].clamp(parameters[k].coordinate(factor * parameters[k].origin)));
-        let mut fit = FitPoint::at(objective, free.clone(), u, &fit.step_error).ok()?;
-        fit.solve(objective, TRIAL);
-        Some(fit)
-    };
-    let best_of = |sizes: &[f64], factors: &[f64]| {
-        let starts = factors.iter().flat_map(|factor| sizes.iter().map(move |size| (*size, *factor)));
-        starts.filter_map(start).min_by(|a, b| a.cost.total_cmp(&b.cost))
-    };
-    let (at_off, next_to_off) = STARTS.split_at(1);
-    // The first start is the current fit, which can be simulated: a best one exists.
-    let mut best = best_of(if off.is_empty() { at_off } else { &STARTS }, &[1.0]).unwrap_or_else(|| fit.clone());
-    if !open.is_empty() && chi(best.squares(), objective.samples(LogSet::Learn)) > objective.noise_bound() {
-        let other = best_of(if off.is_empty() { at_off } else { next_to_off }, &MAGNITUDES);
-        best = other.filter(|other| other.cost < best.cost).unwrap_or(best);
-    }
-    best.search_stairs(objective);
-    ladder.record(objective, "best of several starts", &best);
-    Ok(best)
 }
 
 /// Searches with the full budget, then settles; with the reason of its end and the integrator's error.
@@ -257,19 +227,47 @@ mod tests {
     use crate::fixture::{SyntheticModel, parameter};
     use crate::residual_model::{FitParameter, Parametrisation};
 
-    #[test]
-    fn a_parameter_of_unknown_magnitude_is_started_at_several() {
-        // The cost of a sine whose rate is only known to an order of magnitude has a local minimum at many rates.
+    /// A cosine of an unknown rate: the cost has a local minimum at many rates.
+    fn cosine(residual: fn(&[f64]) -> Vec<f64>) -> SyntheticModel {
         let rate = FitParameter {
             spread: 3.0,
             reach: 0.01,
             ..parameter(Parametrisation::Exponential, 1.0, std::f64::consts::LN_2)
         };
-        let model = SyntheticModel::new(vec![rate], 120, |values| {
-            let swing = |rate: f64, row: usize| 30.0 * (rate * row as f64 * 0.05).cos();
-            (0..120).map(|row| swing(3.7, row) - swing(values[0], row)).collect()
-        });
+        SyntheticModel::new(vec![rate], 120, residual)
+    }
+
+    /// What a rate leaves of the cosine with the true one.
+    fn left(truth: f64, rate: f64) -> Vec<f64> {
+        let swing = |rate: f64, row: usize| 30.0 * (rate * row as f64 * 0.05).cos();
+        (0..120).map(|row| swing(truth, row) - swing(rate, row)).collect()
+    }
+
+    #[test]
+    fn a_parameter_of_unknown_magnitude_is_started_at_several() {
+        let model = cosine(|values| left(3.7, values[0]));
         let found = fitted(&mut Objective::new(&model), &|_| {}).unwrap();
         assert!((found.parameters[0].value - 3.7).abs() < 0.01, "{:?}", found.ladder);
+    }
+
+    #[test]
+    fn a_start_that_is_known_is_begun_at_and_another_is_asked_for_where_more_than_noise_is_left() {
+        let model = cosine(|values| left(11.0, values[0]));
+        let found = |start: &FitStart| fitted_from(&mut Objective::new(&model), start, &|_| {}).unwrap();
+        let is_found = |found: &FitResult| (found.parameters[0].value - 11.0).abs() < 0.01;
+        let plain = found(&FitStart::default());
+        assert!(!is_found(&plain), "{:?}", plain.ladder);
+        let near = vec![Some(model.parameters[0].coordinate(11.1))];
+        let begun = found(&FitStart { values: near.clone(), ..FitStart::default() });
+        assert!(is_found(&begun), "{:?}", begun.ladder);
+        let another = || Some((near.clone(), 500));
+        let searched = found(&FitStart { search: Some(&another), ..FitStart::default() });
+        assert!(is_found(&searched) && searched.rollouts > 500, "{:?}", searched.ladder);
+        // Not where nothing is left, and not where it is no better.
+        let never = || -> Option<(StartValues, usize)> { unreachable!("the fit leaves only noise") };
+        found(&FitStart { values: near.clone(), search: Some(&never), ..FitStart::default() });
+        let worse = || Some((vec![Some(model.parameters[0].coordinate(0.1))], 0));
+        let kept = found(&FitStart { search: Some(&worse), ..FitStart::default() });
+        assert_eq!((kept.fit.u, kept.ladder), (plain.fit.u, plain.ladder));
     }
 }

@@ -1,8 +1,10 @@
 //! The state of a diagnosis: the effects found so far, and how an effect is added or dropped.
 
+mod restart;
+
 use super::evidence::LogErrors;
 use super::own;
-use super::refit::{FOLLOWER, RESHAPED, Rival};
+use super::refit::{FOLLOWER, Rival};
 use super::report::{Evidence, MissingEffect, RankedCandidate, RivalPoint};
 use super::screen::is_searched;
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL};
@@ -12,12 +14,6 @@ use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use crate::residual_model::Needs;
 
-/// How far parameters are perturbed to restart a search: amplitudes by this share, shapes by this much of their
-/// coordinate...
-const PERTURBATION: (f64, f64) = (0.15, 0.5);
-/// ... and how often at most, while the cost falls below this share each time.
-const PERTURBATIONS: usize = 3;
-const LOWER: f64 = 0.99;
 /// An effect without which, all else unchanged, the sum of squares rises by no more than this share is as good as off.
 const IDLE: f64 = 0.001;
 
@@ -136,36 +132,6 @@ impl DiagnosisState {
     pub(super) fn own_at_first(&self, objective: &Objective, candidate: usize) -> Option<f64> {
         own::is_apart(objective, candidate)
             .then(|| LogErrors::of(objective, candidate, &self.bare, self.held_out).judged)
-    }
-
-    /// The error jumps where a joint switches between sticking and slipping, and a search stops before a jump: restarts
-    /// the search on either side of where each of the latest effect's parameters ended, as long as that lowers the
-    /// cost.
-    fn perturb(&mut self, objective: &Objective, candidate: usize) {
-        for _ in 0..PERTURBATIONS {
-            if objective.description.is_chaotic || !self.leaves_something(objective, &self.fit) {
-                return;
-            }
-            let effect = &objective.candidates()[candidate];
-            let sides = effect.parameters().flat_map(|parameter| [-1.0, 1.0].map(|side| (parameter, side)));
-            let perturbed = sides.filter_map(|(parameter, side)| {
-                let mut u = self.fit.u.clone();
-                let away = if effect.shapes.contains(&parameter) {
-                    PERTURBATION.1
-                } else {
-                    PERTURBATION.0 * u[parameter].abs()
-                };
-                u[parameter] = objective.parameters()[parameter].clamp(u[parameter] + side * away);
-                // A side that cannot be simulated is skipped.
-                let mut fit = FitPoint::at(objective, self.fit.active.clone(), u, &self.fit.step_error).ok()?;
-                own::solve(objective, candidate, &mut fit, RESHAPED);
-                Some(fit)
-            });
-            let best = perturbed.min_by(|a, b| a.cost.total_cmp(&b.cost));
-            let Some(mut best) = best.filter(|best| best.cost < LOWER * self.fit.cost) else { return };
-            own::solve(objective, candidate, &mut best, FOLLOWER);
-            self.fit = best;
-        }
     }
 
     /// Drops earlier effects that the latest one has made superfluous; and the latest, if it is as good as off: what it
