@@ -81,7 +81,8 @@ def planted(rng):
     """Values by their names in btr."""
     values = {f"{name}@{joint}": rng.uniform(*bounds) for joint in JOINTS for name, bounds in RANGES.items()}
     for joint in JOINTS:
-        values[f"stribeck_friction.static@{joint}"] = values[f"stribeck_friction.coulomb@{joint}"] * rng.uniform(1.1, 1.8)
+        coulomb = values[f"stribeck_friction.coulomb@{joint}"]
+        values[f"stribeck_friction.static@{joint}"] = coulomb * rng.uniform(1.1, 1.8)
     return {**values, "command_delay.delay@*": rng.uniform(*DELAY_S)}
 
 

@@ -35,9 +35,9 @@ def test_the_models_at_draws_can_be_simulated_and_exported(fitted):
     assert len({log["q_elbow"][100] for log in logs}) == 4
     model = fitted.model.at({name: values[3] for name, values in drawn.items()})
     assert model.values["kp@elbow"] == drawn["kp@elbow"][3]
-    assert "EVENTS" in fitted.model.export("isaac-lab", randomize=fitted).text
+    assert "EVENTS" in fitted.model.export("isaac-lab", randomize=fitted.posterior).text
     with pytest.raises(btr.BtrError, match="has no ranges"):
-        fitted.model.export("urdf", randomize=fitted)
+        fitted.model.export("urdf", randomize=fitted.posterior)
 
 
 def test_a_residual_with_structure_is_told(fitted):

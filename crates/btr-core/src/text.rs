@@ -63,6 +63,8 @@ pub enum Mention {
     OtherName,
     /// How to read from a pipe: "write ...".
     Pipe,
+    /// How to get the document of a fit as a file: "write it ...".
+    FitDocument,
     /// How to make a model file of a robot's description at this path: "... writes a model file".
     NewModel(String),
 }
@@ -134,6 +136,7 @@ impl fmt::Display for Mention {
             Mention::LoadLog => f.write_str("read it in Python: btr.load_log"),
             Mention::OtherName => f.write_str("give the output another name"),
             Mention::Pipe => f.write_str("write `-` to read the standard input"),
+            Mention::FitDocument => f.write_str("write it: btr fit MODEL LOG... -o fitted.toml --json > fit.json"),
             Mention::NewModel(robot) => write!(f, "`btr new {robot} -o model.toml` writes a model file to start from"),
         }
     }
@@ -177,7 +180,8 @@ impl Mention {
                 Mention::ModelUse => Mention::LoadLog,
                 Mention::LoadLog => Mention::OtherName,
                 Mention::OtherName => Mention::Pipe,
-                Mention::Pipe => Mention::NewModel("arm.urdf".to_owned()),
+                Mention::Pipe => Mention::FitDocument,
+                Mention::FitDocument => Mention::NewModel("arm.urdf".to_owned()),
                 Mention::NewModel(_) => return None,
             })
         };

@@ -4,12 +4,12 @@ use crate::experiment::Source;
 use crate::failure::Failure;
 use crate::model_text::at;
 use btr_core::space::Dim;
-use btr_core::text::Text;
+use btr_core::text::Mention;
 use btr_identify::fit::{Marginal, Posterior};
 use serde::Deserialize;
 use std::path::Path;
 
-/// What of the document of `btr fit --json` is read.
+/// What of the document of a fit is read.
 #[derive(Deserialize)]
 struct FitDocument {
     posterior: Option<Posterior>,
@@ -20,14 +20,13 @@ struct FitDocument {
 /// # Errors
 /// A file that cannot be read or is no such document; a fit that has none.
 pub fn posterior_of(path: &Path) -> Result<Posterior, Failure> {
-    let refused = |message: String, help: &str| {
-        Failure::new("fit", format!("{}: {message}", path.display()), Some(Text::from(help)))
+    let refused = |message: String| {
+        Failure::new("fit", format!("{}: {message}", path.display()), Some(Mention::FitDocument.into()))
     };
-    let how = "write it: btr fit MODEL LOG... -o fitted.toml --json > fit.json";
-    let text = btr_io::read_text(path).map_err(|error| refused(error.to_string(), how))?;
-    let document: FitDocument = serde_json::from_str(&text)
-        .map_err(|error| refused(format!("not the JSON document of a fit: {error}"), how))?;
-    document.posterior.ok_or_else(|| refused("this fit has no posterior: it had no free parameters".into(), how))
+    let text = btr_io::read_text(path).map_err(|error| refused(error.to_string()))?;
+    let document: FitDocument =
+        serde_json::from_str(&text).map_err(|error| refused(format!("not the JSON document of a fit: {error}")))?;
+    document.posterior.ok_or_else(|| refused("this fit has no posterior: it had no free parameters".into()))
 }
 
 /// The model at `many` draws from a posterior of its free parameters.
@@ -60,7 +59,7 @@ pub fn drawn_values(source: &Source, posterior: &Posterior, many: usize, seed: u
 
 fn unknown(source: &Source, of: &Marginal) -> Failure {
     let message = format!("{} has no free parameter {}, which the fit has", source.path.display(), of.name);
-    let help = "name the model that this fit has written: btr fit ... -o fitted.toml --json > fit.json";
+    let help = "name the model that this fit has written";
     Failure::new("fit", message, Some(help.into()))
 }
 

@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,11 +19,8 @@ from btr._laws import Law, Number
 from btr._points import Points, rollouts_in, rows_of, table_of
 from btr._sources import LogLike, given
 from btr.controller import Controller
-from btr.documents import Dimension
+from btr.documents import Dimension, Posterior
 from btr.exported import Exported
-
-if TYPE_CHECKING:
-    from btr.results import FitResult
 
 
 _NOT_REPRESENTED = "# not represented: "
@@ -237,16 +234,14 @@ class Model:
         robot: str | os.PathLike[str] | None = None,
         *,
         step_s: float = 0.005,
-        randomize: FitResult | None = None,
+        randomize: Posterior | None = None,
     ) -> Exported:
         """What the model says, in a format of another simulator: `"mujoco"`, `"urdf"`, `"isaac-lab"` or `"ros2"`.
         `robot` is your file that is to be changed (MJCF, or URDF; by default the model's own URDF); only the numbers in
-        it change. `step_s` is the physics step in s in which Isaac Lab counts delays. With `randomize`, the fit that
-        the model is from, Isaac Lab also gets ranges for domain randomisation; for MJCF and URDF export models at
-        `FitResult.draws`. Raises `BtrError` for a file that is missing or of another kind."""
-        posterior = None
-        if randomize is not None:
-            posterior = randomize.posterior_json
+        it change. `step_s` is the physics step in s in which Isaac Lab counts delays. With `randomize`,
+        the `posterior` of the fit that the model is from, Isaac Lab also gets ranges for domain randomisation; for MJCF
+        and URDF export models at `FitResult.draws`. Raises `BtrError` for a file that is missing or of another kind."""
+        posterior = None if randomize is None else json.dumps(randomize)
         place = None if robot is None else Path(robot)
         text, carried, left, effects = self._model.export(to, place, step_s, posterior)
         return Exported(text, carried, left, None if effects is None else json.loads(effects))

@@ -26,6 +26,7 @@ fn named(mention: &Mention) -> String {
         Mention::NewModel(robot) => {
             return format!("`python -m btr new {robot} -o model.toml` writes a model file to start from");
         }
+        Mention::FitDocument => "give the posterior of the fit that the model is from",
         Mention::Pipe => "save what a pipe gives to a file first",
         Mention::OtherName => "give it another name, or write with overwrite=True what may be lost",
     }

@@ -20,8 +20,8 @@ impl Objective<'_> {
         rows
     }
 
-    /// The channels in which a parameter shows, where that is one of what acts in a joint of a prescribed motion, or in a
-    /// limb; empty where it shows in all.
+    /// The channels in which a parameter shows, where that is one of what acts in a joint of a prescribed motion, or in
+    /// a limb; empty where it shows in all.
     pub(crate) fn channels_of(&self, parameter: usize) -> &[String] {
         self.own_channels.of(parameter)
     }
@@ -42,9 +42,9 @@ impl Objective<'_> {
         blocks::curvature(jacobian, &self.blocks_of(logs, active))
     }
 
-    /// Residuals with each of some parameters moved, those that show in different channels in one rollout; the error of a
-    /// rollout in the place of those that it was for. `usual` is the residual without a move, for the channels where a
-    /// parameter does not show.
+    /// Residuals with each of some parameters moved, those that show in different channels in one rollout; the error of
+    /// a rollout in the place of those that it was for. `usual` is the residual without a move, for the channels where
+    /// a parameter does not show.
     pub(in crate::fit) fn moved(
         &self,
         points: &[(usize, Vec<f64>)],

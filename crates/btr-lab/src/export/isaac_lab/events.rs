@@ -3,7 +3,6 @@
 use super::super::facts::{JointFacts, joints};
 use super::super::randomize::middle;
 use super::super::request::{Request, number};
-use super::escaped;
 use std::fmt::Write;
 
 /// Least share of a value by which it must vary to be randomised.
@@ -83,4 +82,9 @@ fn push(
         text,
         "            \"operation\": \"{operation}\",\n            \"distribution\": \"uniform\",\n        }},\n    ),\n"
     );
+}
+
+/// A name as a regular expression that matches it alone.
+pub(super) fn escaped(name: &str) -> String {
+    name.chars().flat_map(|c| (!c.is_alphanumeric() && c != '_').then_some('\\').into_iter().chain([c])).collect()
 }

@@ -42,7 +42,7 @@ fn push(exported: &mut Exported, joint: &mut JointFacts, delays_s: [f64; 2], ste
     let [least, most] = delays_s.map(|delay_s| (delay_s / step_s).round() as u64);
     let class = if most > 0 { DELAYED } else { IMPLICIT };
     let name = serde_json::Value::from(joint.name.as_str());
-    let expression = serde_json::Value::from(escaped(&joint.name));
+    let expression = serde_json::Value::from(events::escaped(&joint.name));
     let text = &mut exported.text;
     let _ = write!(text, "    {name}: {class}(\n        joint_names_expr=[{expression}],\n");
     // `None` leaves what the asset has.
@@ -75,9 +75,4 @@ fn push(exported: &mut Exported, joint: &mut JointFacts, delays_s: [f64; 2], ste
     }
     text.push_str("    ),\n");
     joint.leave_spring();
-}
-
-/// A name as a regular expression that matches it alone.
-fn escaped(name: &str) -> String {
-    name.chars().flat_map(|c| (!c.is_alphanumeric() && c != '_').then_some('\\').into_iter().chain([c])).collect()
 }

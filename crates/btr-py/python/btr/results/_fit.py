@@ -101,13 +101,6 @@ class FitResult(Reported):
         """Whether the search converged; `stop_reason` says why it ended. SciPy's name."""
         return self.stop_reason == "converged"
 
-    @property
-    def posterior_json(self) -> str:
-        """The posterior as JSON. Raises `BtrError` if the fit has none."""
-        if self.posterior is None:
-            raise BtrError("this fit has no posterior: it had no free parameters")
-        return json.dumps(self.document["posterior"])
-
     def draws(self, many: int, *, seed: int = 0) -> dict[str, NDArray[np.float64]]:
         """Values of the fitted parameters for domain randomisation, drawn from the posterior: by name, of shape
         (many,), in their units. Correlations are kept, and combinations that the logs do not determine vary as widely
@@ -118,7 +111,9 @@ class FitResult(Reported):
 
         Where the fit left an error that is not noise (`posterior.has_structure`), the draws are widened by it but may
         not contain the robot. Raises `BtrError` if nothing was free, and for a negative number."""
-        rows = self.model._model.draws(self.posterior_json, count(many, "many"), count(seed, "seed"))
+        if self.posterior is None:
+            raise BtrError("this fit has no posterior: it had no free parameters")
+        rows = self.model._model.draws(json.dumps(self.posterior), count(many, "many"), count(seed, "seed"))
         names = [parameter.name for parameter in self.parameters]
         table = np.array(rows, dtype=np.float64).reshape(len(rows), len(names))
         return {name: table[:, k] for k, name in enumerate(names)}
