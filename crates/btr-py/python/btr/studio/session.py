@@ -1,4 +1,4 @@
-"""The state of the studio, without its page: a model, logs, what is known of their error, and what was done about it."""
+"""The state of the studio, without its page: a model, logs, what is known of the error, what was done about it."""
 
 from __future__ import annotations
 
@@ -111,6 +111,10 @@ class Session:
         if number not in step.replays:
             step.replays[number] = replayed(step.model, self.runs[number])
         return step.replays[number]
+
+    def replay_with(self, model: Model, number: int) -> Replay:
+        """What another model does with the commands of a run."""
+        return replayed(model, self.runs[number])
 
     def error(self, *, held_out: bool) -> Union[float, None]:
         """Error of the present model in noise floors over the training or the held-out logs; None without such logs or
