@@ -1,6 +1,7 @@
 """The studio in a browser, as an engineer uses it: look, ask what is missing, add it, save the model."""
 
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -19,6 +20,7 @@ if found() is None:
     pytest.skip("there is no Chromium here", allow_module_level=True)
 
 ROBOTS = Path(__file__).parents[2] / "robots"
+HOSTILE = "<img src=stolen onerror=alert(1)>.csv"
 FRICTION = "coulomb_friction@yaw"
 PATIENCE_MS = 240_000
 # Debian's Chromium draws WebGL on the processor.
@@ -28,9 +30,12 @@ QUIET = ["--disable-background-networking", "--disable-component-update", "--dis
 
 @pytest.fixture
 def address(tmp_path: Path) -> Iterator[str]:
-    logs = [str(ROBOTS / f"arm/{name}.csv") for name in ("learn_1", "learn_2")]
-    options = ["--held-out", str(ROBOTS / "arm/held_out_1.csv"), "--folder", str(tmp_path), "--port", "0", "--no-browser"]
-    program = [sys.executable, "-u", "-m", "btr.studio", str(ROBOTS / "arm.toml"), *logs, *options]
+    hostile = tmp_path / HOSTILE
+    shutil.copy(ROBOTS / "arm/learn_2.csv", hostile)
+    logs = [str(ROBOTS / "arm/learn_1.csv"), str(hostile)]
+    held_out = ["--held-out", str(ROBOTS / "arm/held_out_1.csv")]
+    options = ["--folder", str(tmp_path), "--port", "0", "--no-browser"]
+    program = [sys.executable, "-u", "-m", "btr.studio", str(ROBOTS / "arm.toml"), *logs, *held_out, *options]
     with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         yield process.stdout.readline().split()[-1]
@@ -46,7 +51,9 @@ def page(address: str) -> Iterator["playwright.Page"]:
         page.set_default_timeout(PATIENCE_MS)
         page.failures = []
         page.on("pageerror", lambda error: page.failures.append(str(error)))
-        page.on("requestfailed", lambda request: page.failures.append(request.url))
+        page.on("dialog", lambda dialog: page.failures.append(dialog.message))
+        own = re.compile(re.escape(address.partition("?")[0]) + r"(\?token=.*)?$|data:|blob:")
+        page.on("request", lambda request: own.match(request.url) or page.failures.append(request.url))
         page.goto(address)
         yield page
         assert page.failures == []
@@ -68,6 +75,14 @@ def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_p
     playwright.expect(shown).not_to_have_value("0", timeout=PATIENCE_MS)
     page.get_by_role("button", name="Pause", exact=True).click()
 
+    log = page.get_by_role("combobox", name="Log")
+    log.click()
+    page.get_by_role("option", name=HOSTILE).click()
+    playwright.expect(log).to_have_value(HOSTILE)
+
+    page.get_by_role("button", name="What is missing?").click()
+    page.get_by_role("button", name="Cancel", exact=True).click()
+    page.get_by_text("cancelled", exact=True).wait_for()
     page.get_by_role("button", name="What is missing?").click()
     add = page.get_by_role("button", name=f"Add {FRICTION}", exact=True)
     add.wait_for()

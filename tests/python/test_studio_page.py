@@ -1,5 +1,6 @@
 """The studio's page without a browser: who is answered, what is escaped, and how the robot is drawn."""
 
+import contextlib
 import http.client
 import math
 import warnings
@@ -16,6 +17,7 @@ import numpy as np
 
 import btr
 from btr.studio import panels
+from btr.studio import server as server_module
 from btr.studio.candidates import Candidate
 from btr.studio.cause import reach
 from btr.studio.player import Player
@@ -98,13 +100,16 @@ def test_no_other_file_is_served(served: tuple[Server, str], cookie: str) -> Non
         assert ask(address, path, Cookie=cookie)[0] == 404, path
 
 
-def test_nothing_is_shared_with_the_internet(served: tuple[Server, str]) -> None:
-    server, _ = served
-    assert server.request_share_url() is None
+def test_nothing_is_shared_with_the_internet(served: tuple[Server, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def tunnel(*_: object) -> None:
+        raise AssertionError("a tunnel to the internet")
+
+    monkeypatch.setattr("viser._viser.ViserTunnel", tunnel)
+    assert served[0].request_share_url() is None
 
 
 def test_a_viser_that_cannot_be_guarded_does_not_serve(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("btr.studio.server.Guard.stands", property(lambda _: False, lambda *_: None), raising=False)
+    monkeypatch.setattr(server_module, "_guarding", lambda _: contextlib.nullcontext())
     with pytest.raises(RuntimeError, match="this version of viser"):
         serve("127.0.0.1", 0)
 
@@ -162,7 +167,8 @@ def test_errors_count_missing_readings_as_none() -> None:
 
 
 def test_a_slider_of_a_tiny_value_is_fine_enough() -> None:
-    dim = btr.documents.Dimension({"name": "x", "unit": "1", "min": 0.0, "max": 11.0, "scale": "linear", "nominal": 0.0})
+    known = {"name": "x", "unit": "1", "min": 0.0, "max": 11.0, "scale": "linear", "nominal": 0.0}
+    dim = btr.documents.Dimension(known)
     assert reach(dim, 0.25) == (0.0, 1.0)
     assert reach(dim, 5.0) == (0.0, 11.0) == reach(dim, 0.0)
 

@@ -96,4 +96,4 @@ def _law(effect: str) -> tuple[str, str]:
 
 def _estimate(parameter: Estimate) -> str:
     unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-    return f"{parameter.name} = {cell(parameter.value)}{unit}; 95 %: {interval(parameter)}"
+    return f"{parameter.name} = {cell(parameter.value)}{unit}; 95\u00a0%: {interval(parameter)}"

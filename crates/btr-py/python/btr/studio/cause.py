@@ -19,7 +19,9 @@ Names = Sequence[str]
 class Candidates:
     """Cards of suspects, each with a button."""
 
-    def __init__(self, server: viser.ViserServer, add: Callable[[Names], None], remove: Callable[[Names], None]) -> None:
+    def __init__(
+        self, server: viser.ViserServer, add: Callable[[Names], None], remove: Callable[[Names], None]
+    ) -> None:
         self._gui, self._add, self._remove = server.gui, add, remove
         self._place = self._gui.add_folder("Suspects", visible=False)
         self._shown: list[Any] = []
@@ -90,11 +92,11 @@ class Sliders:
 def reach(dim: Dimension, value: float) -> tuple[float, float]:
     """The ends of a parameter's slider: its bounds, or a part from 0 on if the value is tiny beside them."""
     if dim.min == 0 and 0 < value < 0.1 * dim.max:
-        return 0.0, 4 * value
+        return 0.0, min(dim.max, float(f"{4 * value:.1g}"))
     return dim.min, dim.max
 
 
 def _rounded(value: float, slider: Any) -> float:
     """The value with as many digits as the slider's step has, for the eye."""
-    digits = max(0, round(-math.log10(slider.step)) + 1)
+    digits = max(0, round(-math.log10(slider.step)))
     return float(min(slider.max, max(slider.min, round(value, digits))))

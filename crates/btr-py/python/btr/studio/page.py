@@ -19,7 +19,7 @@ from btr.studio.view import View
 from btr.studio.work import Cancelled, Latest
 
 GHOST_PARTS = 10
-NARROW_PX = 380
+NARROW_PX = 1000
 IDLE_S = 0.4
 
 
@@ -31,9 +31,8 @@ class Page:
         self._changes: dict[str, float] = {}
         self._lock = threading.Lock()
         self._job: threading.Thread | None = None
-        self.redraw_ms = 0.0
-        """How long the last redraw of the shown log took, in ms."""
         self._redraws = Latest(self._draw)
+        self._comparisons = Latest(self._compare)
         server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(124, 58, 237))
         self._add_cause()
         self._view = View(server, session, robot, self._redraws.ask)
@@ -45,6 +44,7 @@ class Page:
         self._session.cancel()
         self._view.player.end()
         self._redraws.end()
+        self._comparisons.end()
         if self._job is not None:
             self._job.join(timeout=5.0)
 
@@ -60,6 +60,8 @@ class Page:
         def _(client: viser.ClientHandle) -> None:
             if client.camera.image_width < NARROW_PX:
                 self._view.panel.dock_below(cause)
+            else:
+                self._view.panel.dock_left()
 
     def _add_cause(self) -> None:
         gui = self._server.gui
@@ -78,7 +80,7 @@ class Page:
             self._commands = gui.add_html("")
         self._ask.on_click(lambda _: self._start("simulating suspects", self._diagnose))
         self._cancel.on_click(lambda _: self._session.cancel())
-        self._undo.on_click(lambda _: self._changed(self._session.undo()))
+        self._undo.on_click(lambda _: self._on_undo())
         self._fit.on_click(lambda _: self._start("fitting", lambda: self._fitted(self._session.fit)))
         self._save.on_click(lambda _: self._start("saving", self._write))
 
@@ -89,6 +91,11 @@ class Page:
 
     def _on_remove(self, names: Names) -> None:
         self._start("fitting", lambda: self._fitted(lambda told: self._session.remove(names, told)))
+
+    def _on_undo(self) -> None:
+        step = self._session.undo()
+        self._told.content = panels.ladder(self._session.ladder, "")
+        self._changed(step)
 
     def _on_value(self, name: str, value: float) -> None:
         with self._lock:
@@ -174,8 +181,7 @@ class Page:
         self._redraws.ask()
 
     def _draw(self, is_stale: Callable[[], bool]) -> None:
-        """Shows the chosen log, then the errors, then where the model fails, as long as nothing newer is asked for."""
-        begun = time.monotonic()
+        """Shows the chosen log, then the errors if nothing newer is asked for."""
         with self._lock:
             changes, self._changes = self._changes, {}
         try:
@@ -183,19 +189,23 @@ class Page:
                 self._session.set_values(changes)
                 self._undo.disabled = False
             self._view.load(self._session.replay(self._view.run))
-            self.redraw_ms = 1000 * (time.monotonic() - begun)
             if not is_stale():
                 self._show_errors()
-            if not self._session.floors or self._is_idle(is_stale):
-                self._show_comparison()
         except BtrError as error:
             self._told.content = panels.ladder(self._session.ladder, str(error))
+        self._comparisons.ask()
 
-    def _is_idle(self, is_stale: Callable[[], bool]) -> bool:
-        until = time.monotonic() + IDLE_S
-        while time.monotonic() < until and not is_stale():
+    def _compare(self, is_stale: Callable[[], bool]) -> None:
+        """Shows where the model fails, once nothing has changed for a while: this takes longer than a redraw."""
+        until = time.monotonic() + (IDLE_S if self._session.floors else 0.0)
+        while time.monotonic() < until:
             time.sleep(0.02)
-        return not is_stale()
+            if is_stale():
+                return
+        try:
+            self._show_comparison()
+        except BtrError as error:
+            self._told.content = panels.ladder(self._session.ladder, str(error))
 
     def _show_errors(self) -> None:
         session, step = self._session, self._session.step

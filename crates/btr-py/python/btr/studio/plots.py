@@ -42,7 +42,10 @@ class Plots:
         every = max(1, -(-len(replay.run.clock_s) // MOST_SAMPLES))
         self._clock = replay.run.clock_s[::every]
         command = replay.run.measured(f"cmd_{channel[2:]}") if channel.startswith("q_") else None
-        lines = (command, replay.run.measured(channel), replay.simulated.get(channel))
+        simulated = replay.simulated.get(channel)
+        measured = _first(replay.run.measured(channel), simulated)
+        # uPlot finds no scale for a line without numbers: what is missing hides behind another line.
+        lines = (_first(command, measured), measured, _first(simulated, measured))
         self._motion = [self._line(values, every) for values in lines]
         band = np.full(len(self._clock), NOISE_BAND if floor else np.nan)
         left = self._line(replay.residual(channel), every) / (floor or np.nan)
@@ -63,6 +66,11 @@ class Plots:
         cursor = np.full(len(self._clock), np.nan)
         cursor[sample : sample + 2] = (0.0, 1.0)[: len(cursor[sample : sample + 2])]
         return (self._clock, *lines, cursor)
+
+
+def _first(*lines: Union[Series, None]) -> Union[Series, None]:
+    """The first line that has numbers; None without any."""
+    return next((line for line in lines if line is not None and np.isfinite(line).any()), None)
 
 
 def _line(label: str, ink: str, **options: Any) -> Any:

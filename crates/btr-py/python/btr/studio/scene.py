@@ -126,14 +126,18 @@ class Figure:
 class Scene:
     """The measured robot and the model's ghost, at a time of a replay."""
 
-    def __init__(self, server: viser.ViserServer, robot: Robot) -> None:
+    def __init__(self, server: viser.ViserServer, robot: Robot, *, floats: bool) -> None:
+        """`floats` says whether the robot has a floating base, and so stands on the ground."""
         self._server = server
         self._solid = Figure(server, robot, "robot", ghost=False)
         self._ghost = Figure(server, robot, "model", ghost=True)
         reach = robot.reach_m
-        server.scene.add_grid("/ground", width=6 * reach, height=6 * reach, cell_size=reach / 4, section_size=reach)
-        server.initial_camera.position = (1.1 * reach, -1.5 * reach, 0.9 * reach)
-        server.initial_camera.look_at = (0.15 * reach, 0.0, 0.25 * reach)
+        wide, cell = 8 * reach, reach / 4
+        self._ground = server.scene.add_grid("/ground", wide, wide, cell_size=cell, section_size=reach)
+        self._section_m = reach
+        far, high = (2.0, 0.6) if floats else (1.0, 0.25)
+        server.initial_camera.position = (1.1 * far * reach, -1.5 * far * reach, (0.65 * far + high) * reach)
+        server.initial_camera.look_at = (0.15 * reach, 0.0, high * reach)
         self.magnified = 1.0
         """By how much the ghost exaggerates its distance from the robot, in each joint."""
         self._measured: dict[str, Series] = {}
@@ -161,10 +165,19 @@ class Scene:
             measured = {joint: float(values[sample]) for joint, values in self._measured.items()}
             simulated = {joint: float(values[sample]) for joint, values in self._simulated.items()}
             ghost = {joint: measured[joint] + self.magnified * (q - measured[joint]) for joint, q in simulated.items()}
+            at = self._followed(sample)
             for figure, positions, poses in zip((self._solid, self._ghost), (measured, ghost), self._bases):
-                figure.pose(positions, None if poses is None else poses[sample])
+                figure.pose(positions, None if poses is None else poses[sample] - at)
             for joint, errors in self._errors.items():
                 self._solid.paint(joint, colour_of(float(errors[sample])) if len(errors) else UNKNOWN)
+
+    def _followed(self, sample: int) -> Series:
+        """Where a floating robot is, as a pose (7,) without its height: the picture follows it, the ground passes."""
+        at, (base, _) = np.zeros(7), self._bases
+        if base is not None:
+            at[:2] = base[sample, :2]
+            self._ground.position = (*(-at[:2] % self._section_m - self._section_m), 0.0)
+        return at
 
     def show(self, *, robot: bool, model: bool) -> None:
         """Shows or hides each of the two."""

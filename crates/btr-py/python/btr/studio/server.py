@@ -24,7 +24,8 @@ Answer = Callable[[ServerConnection, Request], Union[Response, None]]
 LOOPBACK = "127.0.0.1"
 # The client needs inline scripts, WebAssembly and workers of its own; nothing is loaded from or sent to other places.
 POLICY = (
-    "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self' data: blob: ws://{host} wss://{host}; "
+    "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
+    "connect-src 'self' data: blob: ws://{host} wss://{host}; "
     "frame-ancestors 'none'; form-action 'none'; base-uri 'none'"
 )
 _PATCHING = threading.Lock()

@@ -172,6 +172,7 @@ class Session:
         """Returns to the step before; the first one stays."""
         if len(self.history) > 1:
             self.history.pop()
+            self.ladder = []
         return self.step
 
     def between(self, earlier: Step, parts: int) -> Iterator[Model]:

@@ -13,7 +13,7 @@ import viser
 from btr.studio import panels
 from btr.studio.player import Player
 from btr.studio.plots import Plots
-from btr.studio.replay import Replay, Run
+from btr.studio.replay import BASE, Replay, Run
 from btr.studio.robot import Robot
 from btr.studio.scene import Scene
 from btr.studio.session import Session
@@ -35,7 +35,7 @@ class View:
         self._cursor_moved = 0.0
         self._moving = False
         self.player = Player(self._at)
-        self._scene = Scene(server, robot)
+        self._scene = Scene(server, robot, floats=BASE[0] in session.replay(0).simulated)
         self._names = labels(session.runs)
         self.panel = server.gui.add_panel()
         with self.panel.add_tab("The error", viser.Icon.CHART_LINE):
@@ -56,8 +56,7 @@ class View:
             self._replay = replay
             self._scene.load(replay, self._session.model.joints, self._session.floors)
             self.player.end_s = float(replay.run.clock_s[-1])
-            if self._slider.max != self.player.end_s:
-                self._slider.max = self.player.end_s
+            self._slider.max = round(self.player.end_s, 2)
             self.player.time_s = min(self.player.time_s, self.player.end_s)
             channel = self._channel.value
             self._plots.load(replay, channel, self._session.floors.get(channel), self.player.time_s)
@@ -75,10 +74,13 @@ class View:
             self._channel.value = chosen if chosen in channels else channels[0]
 
     def choose_worst(self) -> None:
-        """Chooses the joint's channel that the model fails most."""
+        """Chooses a channel of the joint that the model fails most, or else the worst channel."""
         comparison = self._session.step.comparison
-        if comparison is not None and comparison.channels:
-            self._channel.value = max(comparison.channels, key=lambda channel: channel.chi).name
+        if comparison is None or not comparison.channels:
+            return
+        worst = {f"{kind}_{failure.joint}" for failure in comparison.failures[:1] for kind in ("q", "tau")}
+        channels = [channel for channel in comparison.channels if channel.name in worst] or comparison.channels
+        self._channel.value = max(channels, key=lambda channel: channel.chi).name
 
     def _add_log(self) -> None:
         self._log: Any = self._server.gui.add_dropdown("Log", self._names, initial_value=self._names[0])
