@@ -215,3 +215,27 @@ def test_the_program_tells_what_it_cannot_use(capfd: pytest.CaptureFixture[str])
         warnings.simplefilter("error")
         assert main(["missing.toml", "missing.csv", "--no-browser"]) == 2
     assert "error: " in capfd.readouterr().err
+
+
+MESHED = """<robot name="m"><link name="base">
+<visual><geometry><mesh filename="{name}" scale="2 2 2"/></geometry></visual>
+<collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"""
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+
+def test_meshes_are_read_from_beside_the_urdf_and_from_no_other_place(tmp_path: Path) -> None:
+    folder = tmp_path / "arm_description" / "urdf"
+    folder.mkdir(parents=True)
+    secret, beside = tmp_path / "secret.obj", folder / "link.obj"
+    secret.write_text(TRIANGLE)
+    beside.write_text(TRIANGLE)
+    (folder / "way_out.obj").symlink_to(secret)
+    (folder / "link.txt").write_text(TRIANGLE)
+    (folder / "broken.obj").write_text("no mesh")
+    for name in ("link.obj", f"file://{beside}", "package://arm_description/urdf/link.obj"):
+        (shape,) = parsed(MESHED.format(name=name), folder).links[0].shapes
+        assert shape.kind == "mesh" and shape.mesh[0].max() == 2.0, name
+    outside = ("../../secret.obj", str(secret), "package://other/secret.obj", "package://arm_description/../secret.obj")
+    for name in (*outside, "way_out.obj", "link.txt", "broken.obj", "http://evil.example/link.obj"):
+        (shape,) = parsed(MESHED.format(name=name), folder).links[0].shapes
+        assert shape.kind == "sphere", f"{name}: the collision shape takes its place"

@@ -16,6 +16,7 @@ from btr._btr import BtrError
 from btr._inputs import wrong
 from btr._optional import needed
 from btr.model import Model
+from btr.studio import meshes
 
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -25,9 +26,9 @@ ZSTANDARD = b"\x28\xb5\x2f\xfd"
 
 @dataclass(frozen=True)
 class Shape:
-    """A primitive, fixed to its link."""
+    """A primitive or a mesh, fixed to its link."""
 
-    kind: Literal["box", "sphere", "cylinder"]
+    kind: Literal["box", "sphere", "cylinder", "mesh"]
     """What it is."""
     size_m: Vector
     """A box's edges; a sphere's radius, first; a cylinder's radius and length along z, first and second."""
@@ -35,11 +36,13 @@ class Shape:
     """Its centre in the link's frame."""
     rpy_rad: Vector = ZERO
     """Its roll, pitch and yaw in the link's frame."""
+    mesh: Union[meshes.Mesh, None] = None
+    """A mesh's vertices and faces; None for a primitive."""
 
 
 @dataclass(frozen=True)
 class Rod:
-    """A straight rod between two points of a link that states no shape."""
+    """A straight rod between two points of a link without shapes."""
 
     begin_m: Vector
     """One end, in the link's frame."""
@@ -115,15 +118,15 @@ def robot_of(model: Model) -> Robot:
         text = model.export("urdf").text
     except BtrError:
         # A built-in robot has no file.
-        text = _recorded(model)
-    return parsed(text)
+        return parsed(_recorded(model))
+    return parsed(text, meshes.folder_of(model))
 
 
-def parsed(urdf: str) -> Robot:
-    """The robot of a URDF's text. Raises `BtrError` if it is no tree of links."""
+def parsed(urdf: str, folder: Union[Path, None] = None) -> Robot:
+    """The robot of a URDF's text, with meshes if its folder is given. Raises `BtrError` if it is no tree of links."""
     try:
         root = ElementTree.fromstring(urdf)
-        links = {name: _link(name, element) for element in root.iter("link") if (name := element.get("name"))}
+        links = {name: _link(name, element, folder) for element in root.iter("link") if (name := element.get("name"))}
         for element in root.findall("joint"):
             _carry(links, element)
     except (ElementTree.ParseError, KeyError, ValueError) as error:
@@ -131,15 +134,18 @@ def parsed(urdf: str) -> Robot:
     return Robot(_parents_first(links))
 
 
-def _link(name: str, element: ElementTree.Element) -> Link:
-    drawn = element.findall("visual") or element.findall("collision")
-    shapes = [shape for part in drawn if (shape := _shape(part)) is not None]
+def _link(name: str, element: ElementTree.Element, folder: Union[Path, None]) -> Link:
     centre, _ = _origin(element.find("inertial"))
-    return Link(name, shapes, centre)
+    for tag in ("visual", "collision"):
+        drawn = [_shape(part, folder) for part in element.findall(tag)]
+        shapes = [shape for shape in drawn if shape is not None]
+        if shapes:
+            return Link(name, shapes, centre)
+    return Link(name, [], centre)
 
 
-def _shape(element: ElementTree.Element) -> Union[Shape, None]:
-    """A primitive; None for a mesh."""
+def _shape(element: ElementTree.Element, folder: Union[Path, None]) -> Union[Shape, None]:
+    """A shape; None for a mesh that cannot be had."""
     xyz, rpy = _origin(element)
     geometry = element.find("geometry")
     for form in geometry if geometry is not None else ():
@@ -149,6 +155,10 @@ def _shape(element: ElementTree.Element) -> Union[Shape, None]:
             return Shape("sphere", (float(form.attrib["radius"]), 0.0, 0.0), xyz, rpy)
         if form.tag in ("cylinder", "capsule"):
             return Shape("cylinder", (float(form.attrib["radius"]), float(form.attrib["length"]), 0.0), xyz, rpy)
+        path = meshes.found(form.get("filename", ""), folder) if form.tag == "mesh" and folder is not None else None
+        mesh = None if path is None else meshes.read(path, _vector(form.get("scale", "1 1 1")))
+        if mesh is not None:
+            return Shape("mesh", ZERO, xyz, rpy, mesh)
     return None
 
 

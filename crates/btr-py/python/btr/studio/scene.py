@@ -72,6 +72,11 @@ class Figure:
         wide = GHOST_SCALE if self._ghost else 1.0
         size, style = [wide * length for length in shape.size_m], self._style()
         pose: dict[str, Any] = {"wxyz": transforms.SO3.from_rpy_radians(*shape.rpy_rad).wxyz, "position": shape.xyz_m}
+        if shape.mesh is not None:
+            vertices, faces = shape.mesh
+            centre = vertices.mean(axis=0)
+            thinner = centre + wide * (vertices - centre)
+            return self._scene.add_mesh_simple(path, vertices=thinner, faces=faces, **pose, **style)
         if shape.kind == "box":
             return self._scene.add_box(path, dimensions=(size[0], size[1], size[2]), **pose, **style)
         if shape.kind == "sphere":
