@@ -3,6 +3,7 @@
 import contextlib
 import http.client
 import math
+import socket
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,8 +24,9 @@ from btr.studio.cause import reach
 from btr.studio.player import Player
 from btr.studio.replay import Replay, Run, error
 from btr.studio.robot import parsed, robot_of
-from btr.studio.scene import STEPS, Figure, colour_of
+from btr.studio.scene import STEPS, Figure, Scene, colour_of
 from btr.studio.server import Server, serve
+from btr.studio.session import Session
 from btr.studio.view import labels
 
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -81,7 +83,8 @@ def test_other_hosts_are_refused(served: tuple[Server, str], cookie: str) -> Non
     port = urlsplit(address).port
     for host in ("evil.example", f"evil.example:{port}", f"127.0.0.1.evil.example:{port}", "", "[", "::1]"):
         assert ask(address, Cookie=cookie, Host=host)[0] == 403, host
-    assert ask(address, Cookie=cookie, Host=f"localhost:{port}")[0] == 200
+    for host in ("localhost", "192.168.1.2", "[::1]", socket.gethostname().upper(), f"{socket.gethostname()}.local"):
+        assert ask(address, Cookie=cookie, Host=f"{host}:{port}")[0] == 200, host
 
 
 def test_other_origins_are_refused(served: tuple[Server, str], cookie: str) -> None:
@@ -135,7 +138,7 @@ def test_names_are_escaped() -> None:
 
 def test_errors_are_told_in_few_digits() -> None:
     assert "1.02" in panels.head("arm", "fitted", 1.0234, None)
-    assert "diverges" in panels.head("arm", "set by hand", math.inf, None)
+    assert "infinite" in panels.head("arm", "set by hand", math.inf, None)
 
 
 def test_held_out_logs_are_marked_and_labels_are_unique() -> None:
@@ -239,3 +242,15 @@ def test_meshes_are_read_from_beside_the_urdf_and_from_no_other_place(tmp_path: 
     for name in (*outside, "way_out.obj", "link.txt", "broken.obj", "http://evil.example/link.obj"):
         (shape,) = parsed(MESHED.format(name=name), folder).links[0].shapes
         assert shape.kind == "sphere", f"{name}: the collision shape takes its place"
+
+
+def test_readings_without_noise_have_no_floor(served: tuple[Server, str]) -> None:
+    model = btr.load_model(ROBOTS / "emps.toml")
+    session = Session(model, model.simulate())
+    session.compare()
+    assert 0.0 in session.floors.values()
+    scene = Scene(served[0], robot_of(model), floats=False)
+    scene.load(session.replay(0), model.joints, session.floors)
+    scene.at(0)
+    failure = SimpleNamespace(joint="slide", regime="fast", chi=None, hint="")
+    assert "infinite" in panels.regimes(SimpleNamespace(failures=[failure]), ["slide"])

@@ -46,16 +46,16 @@ def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> Diagnosed:
 def test_errors_are_those_of_compare(arm: Session) -> None:
     channels = btr.compare(arm.model, [ROBOTS / "arm/learn_1.csv"]).channels
     chi = math.sqrt(sum(channel.chi**2 for channel in channels) / len(channels))
-    assert arm.error(held_out=False) == pytest.approx(chi, rel=1e-3)
+    assert arm.errors()[0] == pytest.approx(chi, rel=1e-3)
     assert chi > 10.0
 
 
 def test_the_error_waits_for_the_noise_floors() -> None:
     session = Session(ROBOTS / "arm.toml", [ROBOTS / "arm/learn_1.csv"])
-    assert session.error(held_out=False) is None
+    assert session.errors() == (None, None)
     session.compare()
-    assert session.error(held_out=False) is not None
-    assert session.error(held_out=True) is None, "no log is held out"
+    learn, held_out = session.errors()
+    assert learn is not None and held_out is None, "no log is held out"
 
 
 def test_the_ladder_grows_while_the_cause_is_searched_for(diagnosed: Diagnosed) -> None:
@@ -84,15 +84,15 @@ def test_a_value_that_is_wrong_is_a_suspect() -> None:
 
 
 def test_what_is_added_can_be_removed_and_undone(arm: Session) -> None:
-    before = arm.error(held_out=True)
+    before = arm.errors()[1]
     added = arm.add([FRICTION])
     assert added.added == (FRICTION,) and added.fit is not None
-    assert arm.error(held_out=True) < 1.2
+    assert arm.errors()[1] < 1.2
     arm.remove([FRICTION])
-    assert arm.step.added == () and arm.error(held_out=True) > 5.0
+    assert arm.step.added == () and arm.errors()[1] > 5.0
     assert arm.undo() is added
     arm.undo()
-    assert arm.error(held_out=True) == before
+    assert arm.errors()[1] == before
     assert arm.undo() is arm.history[0], "the first step stays"
 
 
@@ -161,7 +161,7 @@ def test_a_simulation_that_diverges_has_no_channels(arm: Session, monkeypatch: p
     monkeypatch.setattr(btr.Model, "simulate", diverges)
     assert arm.replay(0).failed == "the simulation diverged"
     assert arm.replay(0).residual("q_yaw") is None
-    assert arm.error(held_out=False) == math.inf
+    assert arm.errors()[0] == math.inf
 
 
 def test_a_damaged_log_is_left_out_and_told(tmp_path: Path) -> None:

@@ -7,6 +7,8 @@ Needs viser: `pip install 'btr[studio]'`. `python -m btr.studio` does the same i
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import time
 import webbrowser
@@ -58,4 +60,6 @@ def studio(
         pass
     finally:
         page.end()
-        server.stop()
+        # viser tells that it ends, as if it had told that it began.
+        with contextlib.redirect_stdout(io.StringIO()):
+            server.stop()

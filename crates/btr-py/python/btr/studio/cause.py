@@ -25,12 +25,14 @@ class Candidates:
         self._gui, self._add, self._remove = server.gui, add, remove
         self._place = self._gui.add_folder("Suspects", visible=False)
         self._shown: list[Any] = []
+        self.buttons: list[Any] = []
+        """The buttons of the cards."""
 
     def load(self, session: Session) -> None:
         """Shows what the session suspects and what it has added."""
         for part in self._shown:
             part.remove()
-        self._shown = []
+        self._shown, self.buttons = [], []
         added = session.step.added
         known = session.candidates
         listed = {name for candidate in known for name in candidate.names}
@@ -49,6 +51,7 @@ class Candidates:
             button = self._gui.add_button(f"{verb} {first}", color="gray" if is_added else "violet")
         button.on_click(lambda _: act(candidate.names))
         self._shown.append(folder)
+        self.buttons.append(button)
 
 
 class Sliders:

@@ -19,6 +19,7 @@ from btr.studio.view import View
 from btr.studio.work import Cancelled, Latest
 
 GHOST_PARTS = 10
+GHOST_S = 3.0
 NARROW_PX = 1000
 IDLE_S = 0.4
 
@@ -109,11 +110,15 @@ class Page:
         self._candidates.load(self._session)
 
     def _fitted(self, work: Callable[[Callable[[], None]], Step]) -> None:
-        """Fits, then moves the ghost to where the fit has it."""
+        """Fits, then moves the ghost to where the fit has it, and the errors with it."""
         before = self._session.step
         step = work(self._tell)
+        until = time.monotonic() + GHOST_S
         for model in self._session.between(before, GHOST_PARTS):
-            self._view.load(self._session.replay_with(model, self._view.run))
+            if time.monotonic() < until:
+                replays = self._session.replays_of(model)
+                self._view.load(replays[self._view.run])
+                self._head.content = self._told_errors(step, *self._session.errors_of(replays))
         self._changed(step)
 
     def _write(self) -> None:
@@ -165,7 +170,7 @@ class Page:
 
     def _busy(self, busy: bool) -> None:
         self._cancel.visible = busy
-        for button in (self._ask, self._fit, self._save):
+        for button in (self._ask, self._fit, self._save, *self._candidates.buttons):
             button.disabled = busy
         self._undo.disabled = busy or len(self._session.history) == 1
 
@@ -208,9 +213,12 @@ class Page:
             self._told.content = panels.ladder(self._session.ladder, str(error))
 
     def _show_errors(self) -> None:
-        session, step = self._session, self._session.step
-        learn, held = session.error(held_out=False), session.error(held_out=True)
-        self._head.content = panels.head(step.model.name, step.label, learn, held)
+        step = self._session.step
+        self._head.content = self._told_errors(step, *self._session.errors())
+
+    @staticmethod
+    def _told_errors(step: Step, learn: float | None, held_out: float | None) -> str:
+        return panels.head(step.model.name, step.label, learn, held_out)
 
     def _show_comparison(self) -> None:
         session, is_first = self._session, not self._session.floors

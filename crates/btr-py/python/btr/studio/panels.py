@@ -8,6 +8,7 @@ from html import escape
 from typing import Union
 
 from btr._tables import cell
+from btr.documents import RegimeFailure
 from btr.results import CompareResult
 from btr.studio.candidates import Candidate
 from btr.studio.scene import BODY, GHOST, STEPS, Colour, colour_of
@@ -44,7 +45,7 @@ def _share(error: float) -> float:
 def _floors(error: Union[float, None]) -> str:
     if error is None:
         return "-"
-    return "diverges" if not math.isfinite(error) else f"{error:.2f}" if error < 10 else f"{error:.1f}"
+    return "infinite" if not math.isfinite(error) else f"{error:.2f}" if error < 10 else f"{error:.1f}"
 
 
 def head(model: str, step: str, learn: Union[float, None], held_out: Union[float, None]) -> str:
@@ -58,7 +59,7 @@ def head(model: str, step: str, learn: Union[float, None], held_out: Union[float
         if error is not None
     )
     scale = f'<div style="{_SMALL};text-align:right">error in noise floors; the mark is the noise itself</div>'
-    return _box(title + (rows + scale if rows else f'<div style="{_SMALL}">comparing ...</div>'))
+    return _box(title + (rows + scale if rows else f'<div style="{_SMALL}">no error in noise floors so far</div>'))
 
 
 def legend() -> str:
@@ -112,16 +113,18 @@ def regimes(comparison: Union[CompareResult, None], joints: Sequence[str]) -> st
         cells = ""
         for joint in columns:
             failure = chi.get((joint, regime))
-            cells += "<td></td>" if failure is None else _cell(failure.chi, failure.hint)
+            cells += "<td></td>" if failure is None else _cell(failure)
         body += f'<tr><td style="white-space:nowrap">{escape(regime.replace("_", " "))}</td>{cells}</tr>'
     style = "border-collapse:separate;border-spacing:2px;font-size:12px"
     table = f'<table style="{style}"><tr><th></th>{top}</tr>{body}</table>'
     return _box(f'<div style="overflow-x:auto">{table}</div>')
 
 
-def _cell(chi: float, hint: str) -> str:
+def _cell(failure: RegimeFailure) -> str:
+    # JSON has no infinite number.
+    chi = math.inf if failure.chi is None else failure.chi
     style = f"background:{_css(colour_of(chi))};color:#111827;text-align:center;border-radius:3px;padding:1px 8px"
-    return f'<td style="{style}" title="{escape(hint)}">{_floors(chi)}</td>'
+    return f'<td style="{style}" title="{escape(failure.hint)}">{_floors(chi)}</td>'
 
 
 def card(candidate: Candidate) -> str:

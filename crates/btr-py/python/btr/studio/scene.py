@@ -192,8 +192,8 @@ class Scene:
 
 def _worst(replay: Replay, joint: str, floors: Mapping[str, float]) -> Series:
     """The largest error of a joint's channels, in noise floors; empty without any."""
-    channels = [f"{kind}_{joint}" for kind in ("q", "dq", "tau")]
-    known = [(residual, floors[c]) for c in channels if c in floors and (residual := replay.residual(c)) is not None]
+    channels = [channel for kind in ("q", "dq", "tau") if floors.get(channel := f"{kind}_{joint}", 0.0) > 0]
+    known = [(residual, floors[c]) for c in channels if (residual := replay.residual(c)) is not None]
     if not known:
         return np.empty(0)
     return np.asarray(np.fmax.reduce([np.abs(residual) / floor for residual, floor in known]))

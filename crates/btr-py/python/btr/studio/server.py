@@ -39,7 +39,8 @@ class Guard:
         """What the page's address holds, and then a cookie."""
         self.stands = False
         """Whether a server asks this guard."""
-        self._names = {LOOPBACK, "localhost", "::1", host.lower(), socket.gethostname().lower()}
+        machine = socket.gethostname().lower()
+        self._names = {"localhost", host.lower(), machine, f"{machine}.local"}
 
     def refusal(self, request: Request) -> Union[str, None]:
         """Why a request is refused, token aside; None if it is not."""

@@ -25,6 +25,9 @@ from btr.verbs import Tell, compare, diagnose, fit
 Ladder = list[tuple[str, float, Union[float, None]]]
 """Steps of the error ladder: what was done, and the errors on the training and held-out logs in noise floors."""
 
+Errors = tuple[Union[float, None], Union[float, None]]
+"""Errors on the training and on the held-out logs, in noise floors; None where there is none."""
+
 BY_HAND = "set by hand"
 
 
@@ -72,7 +75,7 @@ class Session:
             raise wrong("no log is left to learn from", "name at least one log that can be read")
         self.history = [Step("model as it stands", first)]
         self.floors: dict[str, float] = {}
-        """Noise floors of the compared channels, in their units; empty until `compare`."""
+        """Noise floors of the compared channels, in their units, 0 where there is no noise; empty until `compare`."""
         self.ladder: Ladder = []
         """The steps of the diagnosis or fit that runs, or ran last."""
         self.diagnosis: Union[DiagnoseResult, None] = None
@@ -112,22 +115,31 @@ class Session:
             step.replays[number] = replayed(step.model, self.runs[number])
         return step.replays[number]
 
-    def replay_with(self, model: Model, number: int) -> Replay:
-        """What another model does with the commands of a run."""
-        return replayed(model, self.runs[number])
+    def replays_of(self, model: Model) -> list[Replay]:
+        """What another model does with the commands of every run."""
+        return [replayed(model, run) for run in self.runs]
 
-    def error(self, *, held_out: bool) -> Union[float, None]:
-        """Error of the present model in noise floors over the training or the held-out logs; None without such logs or
+    def errors(self) -> Errors:
+        """Errors of the present model; see `errors_of`."""
+        return self.errors_of([self.replay(number) for number in range(len(self.runs))])
+
+    def errors_of(self, replays: Sequence[Replay]) -> Errors:
+        """Errors of replays in noise floors, over the training and over the held-out logs; None without such logs or
         before `compare`."""
-        numbers = [number for number, run in enumerate(self.runs) if run.held_out == held_out]
-        return error([self.replay(number) for number in numbers], self.floors) if self.floors else None
+        if not self.floors:
+            return None, None
+        learn = [replay for replay in replays if not replay.run.held_out]
+        held = [replay for replay in replays if replay.run.held_out]
+        return error(learn, self.floors), error(held, self.floors)
 
     def compare(self) -> CompareResult:
         """Where the present model fails, over all logs."""
         step = self.step
         if step.comparison is None:
             step.comparison = compare(step.model, [run.log for run in self.runs])
-            self.floors = self.floors or {channel.name: channel.noise_floor for channel in step.comparison.channels}
+            # Readings without any noise have no floor.
+            known = {channel.name: channel.noise_floor or 0.0 for channel in step.comparison.channels}
+            self.floors = self.floors or known
         return step.comparison
 
     def diagnose(self, tell: Union[Callable[[], None], None] = None) -> list[Candidate]:

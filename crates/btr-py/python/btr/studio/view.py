@@ -80,7 +80,7 @@ class View:
             return
         worst = {f"{kind}_{failure.joint}" for failure in comparison.failures[:1] for kind in ("q", "tau")}
         channels = [channel for channel in comparison.channels if channel.name in worst] or comparison.channels
-        self._channel.value = max(channels, key=lambda channel: channel.chi).name
+        self._channel.value = max(channels, key=lambda channel: channel.chi or 0.0).name
 
     def _add_log(self) -> None:
         self._log: Any = self._server.gui.add_dropdown("Log", self._names, initial_value=self._names[0])
