@@ -91,12 +91,12 @@ def ladder(steps: Ladder, status: str) -> str:
 
 
 def sentence(comparison: Union[CompareResult, None]) -> str:
-    """What `compare` says in one sentence."""
+    """What `compare` says in one sentence, and what it warns of."""
     if comparison is None:
         return _box("comparing ...", _MUTED)
-    if not comparison.failures:
-        return _box("<b>No joint fails:</b> what is left is noise.")
-    return _box(f"<b>Where it fails:</b> {escape(comparison.failures[0].hint)}")
+    worst = [f"<b>Where it fails:</b> {escape(failure.hint)}" for failure in comparison.failures[:1]]
+    warnings = [*comparison.warnings, *(f"no log measures {joint}" for joint in comparison.not_judged)]
+    return _box(*worst or ["<b>No joint fails:</b> what is left is noise."]) + "".join(map(note, warnings))
 
 
 def regimes(comparison: Union[CompareResult, None], joints: Sequence[str]) -> str:

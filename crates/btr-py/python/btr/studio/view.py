@@ -61,6 +61,7 @@ class View:
             channel = self._channel.value
             self._plots.load(replay, channel, self._session.floors.get(channel), self.player.time_s)
             self._scene.at(self._sample())
+            self._failed.content = panels.note(replay.failed or "")
 
     def load_comparison(self) -> None:
         """Shows where the present model fails."""
@@ -112,6 +113,7 @@ class View:
         channels = self._session.channels or ["none"]
         self._channel: Any = self._server.gui.add_dropdown("Channel", channels, initial_value=channels[0])
         self._plots = Plots(self._server)
+        self._failed = self._server.gui.add_html("")
         self._channel.on_update(lambda _: self._asked())
 
     def toggle(self) -> None:
