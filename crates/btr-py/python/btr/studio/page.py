@@ -194,7 +194,8 @@ class Page:
                 self._session.set_values(changes)
                 self._undo.disabled = False
             self._view.load(self._session.replay(self._view.run))
-            if not is_stale():
+            # The other logs are simulated one by one, so that a slider that moves on does not wait for them.
+            if all(not is_stale() and self._session.replay(number) for number in range(len(self._session.runs))):
                 self._show_errors()
         except BtrError as error:
             self._told.content = panels.ladder(self._session.ladder, str(error))
