@@ -47,7 +47,7 @@ def address(tmp_path: Path) -> Iterator[str]:
 def page(address: str) -> Iterator["playwright.Page"]:
     with playwright.sync_playwright() as started:
         browser = started.chromium.launch(executable_path=found(), args=FLAGS + QUIET)
-        page = browser.new_page(viewport={"width": 1400, "height": 900})
+        page = browser.new_page(viewport={"width": 1050, "height": 700})
         page.set_default_timeout(PATIENCE_MS)
         page.failures = []
         page.on("pageerror", lambda error: page.failures.append(str(error)))
