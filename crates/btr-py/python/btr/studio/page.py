@@ -32,6 +32,7 @@ class Page:
         self._changes: dict[str, float] = {}
         self._lock = threading.Lock()
         self._job: threading.Thread | None = None
+        self._status = ""
         self._redraws = Latest(self._draw)
         self._comparisons = Latest(self._compare)
         server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(124, 58, 237))
@@ -50,7 +51,7 @@ class Page:
             self._job.join(timeout=5.0)
 
     def _place(self) -> None:
-        """The cause to the right and the error to the left; one below the other where the window is narrow."""
+        """The cause to the right and the error to the left; one below the other where the newest window is narrow."""
         cause = self._server.gui.main_panel
         cause.dock_right()
         cause.set_width(400)
@@ -162,8 +163,6 @@ class Page:
             count = "" if batches is None else f", {batches} batches of simulations"
             self._status = f"{status}{count}, {time.monotonic() - begun:.0f} s"
             self._tell()
-
-    _status = ""
 
     def _tell(self) -> None:
         self._told.content = panels.ladder(list(self._session.ladder), self._status)

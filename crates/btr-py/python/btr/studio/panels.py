@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Union
 
-from btr._tables import cell
 from btr.documents import RegimeFailure
 from btr.results import CompareResult
 from btr.studio.candidates import Candidate
