@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("mypy", reason="types are checked with mypy")
-for library in ("pandas", "matplotlib", "ray"):
+for library in ("pandas", "matplotlib", "ray", "viser"):
     pytest.importorskip(library, reason=f"what is typed with {library} is checked with it")
 
 PACKAGE = Path(__file__).parents[2] / "crates" / "btr-py" / "python" / "btr"

@@ -22,6 +22,7 @@ from btr.exported import Exported
 from btr.logs import load_log
 from btr.model import Model, load_model
 from btr.results import CheckResult, CoevolveResult, CompareResult, DiagnoseResult, EffectsResult, FitResult
+from btr.studio import studio
 from btr.verbs import add, check, compare, diagnose, effects, fit
 
 __all__ = [
@@ -53,4 +54,5 @@ __all__ = [
     "load_model",
     "mujoco",
     "search",
+    "studio",
 ]

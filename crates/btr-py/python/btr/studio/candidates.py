@@ -1,0 +1,99 @@
+"""What a diagnosis suggests, as the page shows it: one card per suspect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Union
+
+from btr._btr import BtrError
+from btr._tables import cell
+from btr.documents import EffectReport, Estimate, RankedCandidate, ValueReport
+from btr.documents._common import interval
+from btr.results import DiagnoseResult
+from btr.results._effects import names_of
+from btr.verbs import effects
+
+MOST_OTHERS = 4
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A suspect: an effect, or a value that the model states wrongly."""
+
+    names: tuple[str, ...]
+    """Arguments of `fit(add=...)`."""
+    law: str
+    """Its law, or for a value what the logs say."""
+    shows: str
+    """How it shows."""
+    values: tuple[str, ...]
+    """Its parameters with their intervals, as texts."""
+    probability: Union[float, None]
+    """Posterior probability among the candidates of its round; None for a suspect that was not chosen."""
+    established: bool
+    """Whether the diagnosis establishes it."""
+    alike: tuple[str, ...]
+    """What these logs cannot tell it from."""
+    held_out: Union[float, None]
+    """Error on the held-out logs with it, in noise floors; None where that is not known."""
+
+    @property
+    def title(self) -> str:
+        """Its name for people."""
+        return ", ".join(self.names)
+
+
+def candidates(found: DiagnoseResult) -> list[Candidate]:
+    """The suspects of a diagnosis: what it names, then the best of those that it tried beside."""
+    named = [_effect(effect) for effect in found.effects] + [_value(value) for value in found.wrong_values]
+    known = {name for candidate in named for name in candidate.names}
+    others = [ranked for ranks in found.ranking[:1] for ranked in ranks if ranked.name not in known]
+    return named + [_other(ranked) for ranked in others[:MOST_OTHERS]]
+
+
+def _effect(report: EffectReport) -> Candidate:
+    law, shows = _law(report.effect)
+    return Candidate(
+        names=tuple(names_of([report])),
+        law=law,
+        shows=shows,
+        values=tuple(map(_estimate, report.parameters)),
+        probability=report.probability,
+        established=report.established,
+        alike=tuple(report.alike),
+        held_out=None,
+    )
+
+
+def _value(report: ValueReport) -> Candidate:
+    stated = report.parameters
+    told = [f"{p.name}: {cell(p.value)} {p.unit} in the logs, {cell(p.in_model)} in the model" for p in stated]
+    return Candidate(
+        names=tuple(parameter.name for parameter in report.parameters),
+        law="; ".join(told),
+        shows="the model states another value",
+        values=tuple(map(_estimate, report.parameters)),
+        probability=report.probability,
+        established=report.established,
+        alike=tuple(report.alike),
+        held_out=None,
+    )
+
+
+def _other(ranked: RankedCandidate) -> Candidate:
+    law, shows = _law(ranked.name.partition("@")[0])
+    return Candidate((ranked.name,), law, shows, (), None, False, (), ranked.held_out)
+
+
+def _law(effect: str) -> tuple[str, str]:
+    """Law and symptoms of an effect of the library; empty for anything else."""
+    try:
+        (known,) = effects(effect).effects[:1]
+    except BtrError:
+        return "", ""
+    return known.law, known.shows
+
+
+def _estimate(parameter: Estimate) -> str:
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    return f"{parameter.name} = {cell(parameter.value)}{unit}; 95\u00a0%: {interval(parameter)}"

@@ -1,0 +1,233 @@
+"""The page: its panels, and what its buttons do. Nothing is computed on the server's own thread."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import viser
+
+from btr._btr import BtrError
+from btr.studio import panels
+from btr.studio.cause import Candidates, Names, Sliders
+from btr.studio.robot import Robot
+from btr.studio.saved import python, shell
+from btr.studio.session import Session, Step
+from btr.studio.view import View
+from btr.studio.work import Cancelled, Latest
+
+GHOST_PARTS = 10
+GHOST_S = 3.0
+NARROW_PX = 1000
+IDLE_S = 0.4
+
+
+class Page:
+    """A session in the browser."""
+
+    def __init__(self, server: viser.ViserServer, session: Session, robot: Robot) -> None:
+        self._server, self._session = server, session
+        self._changes: dict[str, float] = {}
+        self._lock = threading.Lock()
+        self._job: threading.Thread | None = None
+        self._status = ""
+        self._redraws = Latest(self._draw)
+        self._comparisons = Latest(self._compare)
+        server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(124, 58, 237))
+        self._add_cause()
+        self._view = View(server, session, robot, self._redraws.ask)
+        self._place()
+        self._redraws.ask()
+
+    def end(self) -> None:
+        """Ends what runs, and the page's threads."""
+        self._session.cancel()
+        self._view.player.end()
+        self._redraws.end()
+        self._comparisons.end()
+        if self._job is not None:
+            self._job.join(timeout=5.0)
+
+    def _place(self) -> None:
+        """The cause to the right and the error to the left; one below the other where the newest window is narrow."""
+        cause = self._server.gui.main_panel
+        cause.dock_right()
+        cause.set_width(400)
+        self._view.panel.dock_left()
+        self._view.panel.set_width(400)
+
+        @self._server.on_client_connect
+        def _(client: viser.ClientHandle) -> None:
+            if client.camera.image_width < NARROW_PX:
+                self._view.panel.dock_below(cause)
+            else:
+                self._view.panel.dock_left()
+
+    def _add_cause(self) -> None:
+        gui = self._server.gui
+        self._head = gui.add_html(panels.head(self._session.model.name, self._session.step.label, None, None))
+        self._ask = gui.add_button("What is missing?", color="violet", icon=viser.Icon.SEARCH)
+        self._cancel = gui.add_button("Cancel", color="red", icon=viser.Icon.X, visible=False)
+        self._told = gui.add_html("")
+        self._verdict = gui.add_html("")
+        self._undo = gui.add_button("Undo", color="gray", icon=viser.Icon.ARROW_BACK_UP, disabled=True)
+        self._candidates = Candidates(self._server, self._on_add, self._on_remove)
+        self._sliders = Sliders(self._server, self._on_value)
+        self._fit = gui.add_button("Fit all", color="gray", icon=viser.Icon.ADJUSTMENTS)
+        self._save = gui.add_button("Save model, report and scripts", color="gray", icon=viser.Icon.DEVICE_FLOPPY)
+        self._saved = gui.add_html("")
+        with gui.add_folder("The same without this page", expand_by_default=False):
+            self._commands = gui.add_html("")
+        self._ask.on_click(lambda _: self._start("simulating suspects", self._diagnose))
+        self._cancel.on_click(lambda _: self._session.cancel())
+        self._undo.on_click(lambda _: self._on_undo())
+        self._fit.on_click(lambda _: self._start("fitting", lambda: self._fitted(self._session.fit)))
+        self._save.on_click(lambda _: self._start("saving", self._write))
+
+    # What the buttons do.
+
+    def _on_add(self, names: Names) -> None:
+        self._start("fitting", lambda: self._fitted(lambda told: self._session.add(names, told)))
+
+    def _on_remove(self, names: Names) -> None:
+        self._start("fitting", lambda: self._fitted(lambda told: self._session.remove(names, told)))
+
+    def _on_undo(self) -> None:
+        step = self._session.undo()
+        self._told.content = panels.ladder(self._session.ladder, "")
+        self._changed(step)
+
+    def _on_value(self, name: str, value: float) -> None:
+        with self._lock:
+            self._changes[name] = value
+        self._redraws.ask()
+
+    def _diagnose(self) -> None:
+        self._session.diagnose(self._tell)
+        found = self._session.diagnosis
+        self._verdict.content = "" if found is None else panels.verdict(found._headline())
+        self._candidates.load(self._session)
+
+    def _fitted(self, work: Callable[[Callable[[], None]], Step]) -> None:
+        """Fits, then moves the ghost to where the fit has it, and the errors with it."""
+        before = self._session.step
+        step = work(self._tell)
+        until = time.monotonic() + GHOST_S
+        for model in self._session.between(before, GHOST_PARTS):
+            if time.monotonic() < until:
+                replays = self._session.replays_of(model)
+                self._view.load(replays[self._view.run])
+                self._head.content = self._told_errors(step, *self._session.errors_of(replays))
+        self._changed(step)
+
+    def _write(self) -> None:
+        saved = self._session.save()
+        files = [path for path in (saved.model, saved.report, saved.shell, saved.python) if path is not None]
+        self._saved.content = panels.note("saved:\n" + "\n".join(str(path) for path in files))
+
+    # How work runs.
+
+    def _start(self, status: str, work: Callable[[], None]) -> None:
+        """Does work on a thread of its own, unless something runs."""
+        with self._lock:
+            if self._job is not None and self._job.is_alive():
+                return
+            self._job = threading.Thread(target=self._run, args=(status, work), name="btr studio job", daemon=True)
+            self._job.start()
+
+    def _run(self, status: str, work: Callable[[], None]) -> None:
+        self._busy(True)
+        ended = threading.Event()
+        ticker = threading.Thread(target=self._tick, args=(status, ended), daemon=True)
+        ticker.start()
+        try:
+            work()
+            outcome = ""
+        except Cancelled:
+            outcome = "cancelled"
+        except (BtrError, OSError) as error:
+            outcome = str(error)
+        finally:
+            ended.set()
+            ticker.join()
+            self._busy(False)
+        self._told.content = panels.ladder(self._session.ladder, outcome)
+
+    def _tick(self, status: str, ended: threading.Event) -> None:
+        """Says how far the work is, until it ends."""
+        begun = time.monotonic()
+        while not ended.wait(0.25):
+            batches = self._session.batches
+            count = "" if batches is None else f", {batches} batches of simulations"
+            self._status = f"{status}{count}, {time.monotonic() - begun:.0f} s"
+            self._tell()
+
+    def _tell(self) -> None:
+        self._told.content = panels.ladder(list(self._session.ladder), self._status)
+
+    def _busy(self, busy: bool) -> None:
+        self._cancel.visible = busy
+        for button in (self._ask, self._fit, self._save, *self._candidates.buttons):
+            button.disabled = busy
+        self._undo.disabled = busy or len(self._session.history) == 1
+
+    # What is shown.
+
+    def _changed(self, step: Step) -> None:
+        """Shows another step."""
+        with self._lock:
+            self._changes.clear()
+        self._sliders.load(step.model.parameters, step.model.values)
+        self._candidates.load(self._session)
+        self._undo.disabled = len(self._session.history) == 1
+        self._redraws.ask()
+
+    def _draw(self, is_stale: Callable[[], bool]) -> None:
+        """Shows the chosen log, then the errors if nothing newer is asked for."""
+        with self._lock:
+            changes, self._changes = self._changes, {}
+        try:
+            if changes:
+                self._session.set_values(changes)
+                self._undo.disabled = False
+            self._view.load(self._session.replay(self._view.run))
+            # The other logs are simulated one by one, so that a slider that moves on does not wait for them.
+            if all(not is_stale() and self._session.replay(number) for number in range(len(self._session.runs))):
+                self._show_errors()
+        except BtrError as error:
+            self._told.content = panels.ladder(self._session.ladder, str(error))
+        self._comparisons.ask()
+
+    def _compare(self, is_stale: Callable[[], bool]) -> None:
+        """Shows where the model fails, once nothing has changed for a while: this takes longer than a redraw."""
+        until = time.monotonic() + (IDLE_S if self._session.floors else 0.0)
+        while time.monotonic() < until:
+            time.sleep(0.02)
+            if is_stale():
+                return
+        try:
+            self._show_comparison()
+        except BtrError as error:
+            self._told.content = panels.ladder(self._session.ladder, str(error))
+
+    def _show_errors(self) -> None:
+        step = self._session.step
+        self._head.content = self._told_errors(step, *self._session.errors())
+
+    @staticmethod
+    def _told_errors(step: Step, learn: float | None, held_out: float | None) -> str:
+        return panels.head(step.model.name, step.label, learn, held_out)
+
+    def _show_comparison(self) -> None:
+        session, is_first = self._session, not self._session.floors
+        session.compare()
+        self._view.load_comparison()
+        first, step = session.history[0].model, session.step
+        scripts: Any = [write(first, session.runs, step.added, step.by_hand) for write in (shell, python)]
+        self._commands.content = panels.commands(*scripts)
+        if is_first:
+            self._sliders.load(step.model.parameters, step.model.values)
+            self._view.choose_worst()
+            self._redraws.ask()

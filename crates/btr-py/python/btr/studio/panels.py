@@ -1,0 +1,164 @@
+"""The texts of the page, as HTML. Every name is escaped: names of logs, joints and effects come from files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Union
+
+from btr.documents import RegimeFailure
+from btr.results import CompareResult
+from btr.studio.candidates import Candidate
+from btr.studio.scene import BODY, GHOST, STEPS, Colour, colour_of
+
+Ladder = Sequence[tuple[str, float, Union[float, None]]]
+
+_MUTED = "color:#6b7280"
+_SMALL = f"font-size:12px;line-height:1.45;{_MUTED}"
+_MOST_FLOORS = 100.0
+
+
+def _css(colour: Colour) -> str:
+    return f"rgb({colour[0]},{colour[1]},{colour[2]})"
+
+
+def _box(content: str, style: str = "") -> str:
+    return f'<div style="padding:4px 10px;font-size:13px;line-height:1.45;{style}">{content}</div>'
+
+
+def _bar(error: float, colour: Colour) -> str:
+    """A bar of an error on a logarithmic scale from 0.5 to 100 noise floors, with a mark at 1."""
+    share = 100 * _share(error)
+    bar = f'<div style="width:{share:.1f}%;height:100%;background:{_css(colour)};border-radius:3px"></div>'
+    place = f"position:absolute;left:{100 * _share(1.0):.1f}%;top:-2px;bottom:-2px;border-left:2px solid #111827"
+    frame = "position:relative;height:10px;background:#e5e7eb;border-radius:3px;margin:2px 0"
+    return f'<div style="{frame}">{bar}<div style="{place}"></div></div>'
+
+
+def _share(error: float) -> float:
+    low, high = math.log(0.5), math.log(_MOST_FLOORS)
+    return 1.0 if not math.isfinite(error) else min(1.0, max(0.0, (math.log(max(error, 1e-9)) - low) / (high - low)))
+
+
+def _floors(error: Union[float, None]) -> str:
+    if error is None:
+        return "-"
+    return "infinite" if not math.isfinite(error) else f"{error:.2f}" if error < 10 else f"{error:.1f}"
+
+
+def head(model: str, step: str, learn: Union[float, None], held_out: Union[float, None]) -> str:
+    """The model, what was done last, and its errors."""
+    title = f'<b style="font-size:15px">{escape(model)}</b> <span style="{_MUTED}">{escape(step)}</span>'
+    rows = "".join(
+        f'<div style="display:flex;align-items:baseline;gap:8px"><span style="width:92px;{_MUTED}">{name}</span>'
+        f'<b style="font-size:18px;width:62px">{_floors(error)}</b>'
+        f'<div style="flex:1">{_bar(error, colour_of(error))}</div></div>'
+        for name, error in (("training logs", learn), ("held-out logs", held_out))
+        if error is not None
+    )
+    scale = f'<div style="{_SMALL};text-align:right">error in noise floors; the mark is the noise itself</div>'
+    return _box(title + (rows + scale if rows else f'<div style="{_SMALL}">no error in noise floors so far</div>'))
+
+
+def legend() -> str:
+    """What the colours of the robots mean."""
+    names = [f"&le;&thinsp;{most:g}" if math.isfinite(most) else "more" for most, _ in STEPS]
+    chips = "".join(_chip(_css(colour), name) for name, (_, colour) in zip(names, STEPS))
+    robots = _chip(_css(BODY), "measured") + _chip(_css(GHOST), "model")
+    return _box(f'{robots}<br><span style="{_SMALL}">joints, in noise floors now: </span>{chips}', "font-size:12px")
+
+
+def lines(inks: Mapping[str, str]) -> str:
+    """What the lines of a plot mean: names with their colours in CSS."""
+    return _box("".join(_chip(ink, escape(name)) for name, ink in inks.items()), "font-size:12px;padding-bottom:0")
+
+
+def _chip(colour: str, name: str) -> str:
+    square = f"display:inline-block;width:10px;height:10px;border-radius:2px;background:{colour};margin-right:4px"
+    return f'<span style="margin-right:10px;white-space:nowrap"><span style="{square}"></span>{name}</span>'
+
+
+def ladder(steps: Ladder, status: str) -> str:
+    """The error ladder so far, and what is going on."""
+    rows = ""
+    for name, train, held in steps:
+        beside = "" if held is None else f'<span style="{_MUTED}"> / {_floors(held)} held out</span>'
+        error = f"<b>{_floors(train)}</b>{beside}{_bar(train, colour_of(train))}"
+        rows += f'<div style="margin-top:3px">{escape(name)} {error}</div>'
+    return _box(f'{rows}<div style="{_SMALL}">{escape(status)}</div>')
+
+
+def sentence(comparison: Union[CompareResult, None]) -> str:
+    """What `compare` says in one sentence, and what it warns of."""
+    if comparison is None:
+        return _box("comparing ...", _MUTED)
+    worst = [f"<b>Where it fails:</b> {escape(failure.hint)}" for failure in comparison.failures[:1]]
+    warnings = [*comparison.warnings, *(f"no log measures {joint}" for joint in comparison.not_judged)]
+    return _box(*worst or ["<b>No joint fails:</b> what is left is noise."]) + "".join(map(note, warnings))
+
+
+def regimes(comparison: Union[CompareResult, None], joints: Sequence[str]) -> str:
+    """The map of joints and regimes of motion, coloured by the error in noise floors."""
+    failures = [] if comparison is None else comparison.failures
+    if not failures:
+        return ""
+    chi = {(failure.joint, failure.regime): failure for failure in failures}
+    columns = [joint for joint in joints if any(joint == failure.joint for failure in failures)]
+    rows = list(dict.fromkeys(failure.regime for failure in failures))
+    top = "".join(f'<th style="text-align:center;font-weight:600">{escape(joint)}</th>' for joint in columns)
+    body = ""
+    for regime in rows:
+        cells = ""
+        for joint in columns:
+            failure = chi.get((joint, regime))
+            cells += "<td></td>" if failure is None else _cell(failure)
+        body += f'<tr><td style="white-space:nowrap">{escape(regime.replace("_", " "))}</td>{cells}</tr>'
+    style = "border-collapse:separate;border-spacing:2px;font-size:12px"
+    table = f'<table style="{style}"><tr><th></th>{top}</tr>{body}</table>'
+    return _box(f'<div style="overflow-x:auto">{table}</div>')
+
+
+def _cell(failure: RegimeFailure) -> str:
+    # JSON has no infinite number.
+    chi = math.inf if failure.chi is None else failure.chi
+    style = f"background:{_css(colour_of(chi))};color:#111827;text-align:center;border-radius:3px;padding:1px 8px"
+    return f'<td style="{style}" title="{escape(failure.hint)}">{_floors(chi)}</td>'
+
+
+def card(candidate: Candidate) -> str:
+    """A suspect: its law, how it shows, its probability and values, and what it cannot be told from."""
+    likely = "" if candidate.probability is None else f"probability {_percent(candidate.probability)}"
+    tried = "" if candidate.held_out is None else f"held-out error with it {_floors(candidate.held_out)}"
+    facts = ", ".join(fact for fact in (likely, tried) if fact)
+    lines = [
+        f"<code>{escape(candidate.law)}</code>" if candidate.law else "",
+        f'<span style="{_MUTED}">shows as: {escape(candidate.shows)}</span>' if candidate.shows else "",
+        *(f"<b>{escape(value)}</b>" for value in candidate.values),
+        f"these logs cannot tell it from {escape(', '.join(candidate.alike))}" if candidate.alike else "",
+        facts,
+    ]
+    return _box("<br>".join(line for line in lines if line), "font-size:12px")
+
+
+def _percent(share: float) -> str:
+    return "> 99 %" if share > 0.99 else f"{100 * share:.0f} %"
+
+
+def verdict(headline: str) -> str:
+    """What a diagnosis says."""
+    return _box("<br>".join(map(escape, headline.splitlines())), "font-weight:600")
+
+
+def note(text: str) -> str:
+    """A remark."""
+    return _box(escape(text).replace("\n", "<br>"), _SMALL)
+
+
+def commands(shell: str, python: str) -> str:
+    """The scripts that come to the same."""
+    block = "background:#f3f4f6;color:#111827;padding:6px;font-size:11px;overflow-x:auto;white-space:pre"
+    return _box(
+        f'In a shell<pre style="{block}">{escape(shell)}</pre>In Python<pre style="{block}">{escape(python)}</pre>'
+    )
+

@@ -1,0 +1,151 @@
+"""The page's server: viser's, which answers only the browser that has the token, under its own names and origin."""
+
+from __future__ import annotations
+
+import contextlib
+import hmac
+import http
+import io
+import ipaddress
+import secrets
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any, Union
+from urllib.parse import parse_qs, urlsplit
+
+import viser
+from websockets.asyncio import server as websockets_server
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
+
+Answer = Callable[[ServerConnection, Request], Union[Response, None]]
+
+LOOPBACK = "127.0.0.1"
+# The client needs inline scripts, WebAssembly and workers of its own; nothing is loaded from or sent to other places.
+POLICY = (
+    "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
+    "connect-src 'self' data: blob: ws://{host} wss://{host}; "
+    "frame-ancestors 'none'; form-action 'none'; base-uri 'none'"
+)
+_PATCHING = threading.Lock()
+
+
+class Guard:
+    """Decides which requests are answered: those to this machine's own names, from the page itself, with the token."""
+
+    def __init__(self, host: str) -> None:
+        self.token = secrets.token_urlsafe(24)
+        """What the page's address holds, and then a cookie."""
+        self.stands = False
+        """Whether a server asks this guard."""
+        machine = socket.gethostname().lower()
+        self._names = {"localhost", host.lower(), machine, f"{machine}.local"}
+
+    def refusal(self, request: Request) -> Union[str, None]:
+        """Why a request is refused, token aside; None if it is not."""
+        hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+        if len(hosts) != 1 or not self._is_own(hosts[0]):
+            return "this page has another host"
+        is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
+        own = [f"http://{hosts[0]}", f"https://{hosts[0]}"]
+        if any(origin not in own for origin in origins) or (is_socket and len(origins) != 1):
+            return "this page has another origin"
+        return None
+
+    def knows(self, token: str) -> bool:
+        """Whether this is the token."""
+        return hmac.compare_digest(token.encode(), self.token.encode())
+
+    def answer(self, connection: ServerConnection, request: Request, answer: Answer) -> Union[Response, None]:
+        """The answer to a request: a refusal, the cookie for the token, or what `answer` gives."""
+        why = self.refusal(request)
+        if why is not None:
+            return _closed(connection.respond(http.HTTPStatus.FORBIDDEN, f"{why}\n"))
+        name = f"btr_studio_{connection.local_address[1]}"
+        address = urlsplit(request.path)
+        if any(map(self.knows, parse_qs(address.query).get("token", []))):
+            # The token does not stay in the address, where others might see it.
+            response = connection.respond(http.HTTPStatus.FOUND, "")
+            response.headers["Location"] = "/"
+            response.headers["Set-Cookie"] = f"{name}={self.token}; Path=/; HttpOnly; SameSite=Lax"
+            return _closed(response)
+        if not any(map(self.knows, _cookies(request, name))):
+            return _closed(connection.respond(http.HTTPStatus.FORBIDDEN, "open the address that btr studio printed\n"))
+        response_or_none = answer(connection, request)
+        return None if response_or_none is None else _closed(response_or_none, request.headers["Host"])
+
+    def _is_own(self, host: str) -> bool:
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            return False
+        # A foreign page reaches this machine only under a name of its own, never as a plain address.
+        return name in self._names or _is_address(name)
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _cookies(request: Request, name: str) -> Iterator[str]:
+    for header in request.headers.get_all("Cookie"):
+        for cookie in header.split(";"):
+            key, _, value = cookie.strip().partition("=")
+            if key == name:
+                yield value
+
+
+def _closed(response: Response, host: str = "") -> Response:
+    """A response that no other page may frame, and whose page reaches nothing else."""
+    headers = {"X-Frame-Options": "DENY", "Referrer-Policy": "no-referrer", "X-Content-Type-Options": "nosniff"}
+    for key, value in {**headers, "Content-Security-Policy": POLICY.format(host=host)}.items():
+        response.headers[key] = value
+    return response
+
+
+class Server(viser.ViserServer):
+    """viser's server without its tunnel to the internet."""
+
+    def request_share_url(self, verbose: bool = True) -> None:
+        """Shares nothing: a page must not publish a robot's logs."""
+
+
+def serve(host: str, port: int) -> tuple[Server, str]:
+    """A server at this host and the first free port from `port` on, and the address of its page. Raises `RuntimeError`
+    if this version of viser cannot be guarded."""
+    guard = Guard(host)
+    # viser tells an address that would not be answered.
+    with _guarding(guard), contextlib.redirect_stdout(io.StringIO()):
+        server = Server(host=host, port=port, label="btr studio", verbose=False)
+    if not guard.stands:
+        server.stop()
+        raise RuntimeError("this version of viser is not known to btr studio: pip install 'viser>=1.1,<1.2'")
+    shown = LOOPBACK if host in ("0.0.0.0", "::", "") else host
+    shown = f"[{shown}]" if ":" in shown else shown
+    return server, f"http://{shown}:{server.get_port()}/?token={guard.token}"
+
+
+@contextlib.contextmanager
+def _guarding(guard: Guard) -> Iterator[None]:
+    """Has the server that begins meanwhile ask the guard. viser itself has no place for this."""
+    original: Any = websockets_server.serve
+
+    def guarded(*arguments: Any, process_request: Answer, **options: Any) -> Any:
+        guard.stands = True
+
+        def asked(connection: ServerConnection, request: Request) -> Union[Response, None]:
+            return guard.answer(connection, request, process_request)
+
+        return original(*arguments, process_request=asked, **options)
+
+    with _PATCHING:
+        setattr(websockets_server, "serve", guarded)
+        try:
+            yield
+        finally:
+            setattr(websockets_server, "serve", original)

@@ -1,0 +1,266 @@
+"""The state of the studio, without its page: a model, logs, what is known of the error, what was done about it."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Union
+
+from btr import _sources, _warnings
+from btr._btr import BtrError, Log
+from btr._inputs import wrong
+from btr._sources import LogLike, Logs
+from btr.model import Model, loaded
+from btr.results import CompareResult, DiagnoseResult, FitResult
+from btr.studio.candidates import Candidate, candidates
+from btr.studio.replay import Replay, Run, error, replayed
+from btr.studio.saved import Saved, save
+from btr.studio.work import Batches
+from btr.verbs import Tell, compare, diagnose, fit
+
+Ladder = list[tuple[str, float, Union[float, None]]]
+"""Steps of the error ladder: what was done, and the errors on the training and held-out logs in noise floors."""
+
+Errors = tuple[Union[float, None], Union[float, None]]
+"""Errors on the training and on the held-out logs, in noise floors; None where there is none."""
+
+BY_HAND = "set by hand"
+
+
+@dataclass
+class Step:
+    """A state of the model, to which `Session.undo` returns."""
+
+    label: str
+    """What was done."""
+    model: Model
+    """The model."""
+    added: tuple[str, ...] = ()
+    """Effects and values that were added to the first model, as `fit(add=...)` takes them."""
+    fit: Union[FitResult, None] = None
+    """The fit that this model comes from."""
+    by_hand: dict[str, float] = field(default_factory=dict)
+    """Values that were set since, by name."""
+    comparison: Union[CompareResult, None] = None
+    """The error of this model; None until `Session.compare`."""
+    replays: dict[int, Replay] = field(default_factory=dict)
+    """Simulations so far, by the number of the run."""
+
+
+class Session:
+    """A model and its logs. Every change of the model is a step; `history` has them all, the present one last.
+
+    Methods that take long may be called on any thread, one at a time: another one raises `BtrError` in the meantime.
+    After `cancel` they raise `Cancelled` and leave everything as it was.
+    """
+
+    def __init__(
+        self,
+        model: Union[Model, str, os.PathLike[str]],
+        logs: Union[LogLike, Iterable[LogLike]],
+        held_out: Union[LogLike, Iterable[LogLike], None] = None,
+        *,
+        folder: Union[str, os.PathLike[str]] = ".",
+    ) -> None:
+        """Reads the model and the logs. `folder` is where `save` writes. Raises `BtrError` if none of the logs can be
+        read; a single one is left out with a warning."""
+        first = loaded(model)
+        self.folder = Path(folder)
+        self.runs = [*_runs(first, logs, held_out=False), *_runs(first, held_out, held_out=True)]
+        if not any(not run.held_out for run in self.runs):
+            raise wrong("no log is left to learn from", "name at least one log that can be read")
+        self.history = [Step("model as it stands", first)]
+        self.floors: dict[str, float] = {}
+        """Noise floors of the compared channels, in their units, 0 where there is no noise; empty until `compare`."""
+        self.ladder: Ladder = []
+        """The steps of the diagnosis or fit that runs, or ran last."""
+        self.diagnosis: Union[DiagnoseResult, None] = None
+        self._work: Union[Batches, None] = None
+        self._one_at_a_time = threading.Lock()
+
+    @property
+    def step(self) -> Step:
+        """The present step."""
+        return self.history[-1]
+
+    @property
+    def model(self) -> Model:
+        """The present model."""
+        return self.step.model
+
+    @property
+    def batches(self) -> Union[int, None]:
+        """Number of batches of simulations that the running work has computed; None while nothing runs."""
+        return None if self._work is None else self._work.done
+
+    @property
+    def channels(self) -> list[str]:
+        """The compared channels; before `compare`, measured positions of the joints."""
+        positions = [f"q_{joint}" for joint in self.model.joints]
+        return list(self.floors) or [name for name in positions if any(name in run.log for run in self.runs)]
+
+    @property
+    def candidates(self) -> list[Candidate]:
+        """What the diagnosis suspects; empty before one."""
+        return [] if self.diagnosis is None else candidates(self.diagnosis)
+
+    def replay(self, number: int) -> Replay:
+        """What the present model does with the commands of a run."""
+        step = self.step
+        if number not in step.replays:
+            step.replays[number] = replayed(step.model, self.runs[number])
+        return step.replays[number]
+
+    def replays_of(self, model: Model) -> list[Replay]:
+        """What another model does with the commands of every run."""
+        return [replayed(model, run) for run in self.runs]
+
+    def errors(self) -> Errors:
+        """Errors of the present model; see `errors_of`."""
+        return self.errors_of([self.replay(number) for number in range(len(self.runs))])
+
+    def errors_of(self, replays: Sequence[Replay]) -> Errors:
+        """Errors of replays in noise floors, over the training and over the held-out logs; None without such logs or
+        before `compare`."""
+        if not self.floors:
+            return None, None
+        learn = [replay for replay in replays if not replay.run.held_out]
+        held = [replay for replay in replays if replay.run.held_out]
+        return error(learn, self.floors), error(held, self.floors)
+
+    def compare(self) -> CompareResult:
+        """Where the present model fails, over all logs."""
+        step = self.step
+        if step.comparison is None:
+            step.comparison = compare(step.model, [run.log for run in self.runs])
+            # Readings without any noise have no floor.
+            known = {channel.name: channel.noise_floor or 0.0 for channel in step.comparison.channels}
+            self.floors = self.floors or known
+        return step.comparison
+
+    def diagnose(self, tell: Union[Callable[[], None], None] = None) -> list[Candidate]:
+        """Asks what the present model lacks. `tell` is called with every step of `ladder`, on another thread."""
+        with self._work_on(tell) as (work, told):
+            learn, held = self._logs()
+            executor = self._executor(work)
+            found = diagnose(self.model, learn, held_out=held, tell=told, executor=executor)
+            work.must_go_on()
+            self.diagnosis = found
+        return self.candidates
+
+    def add(self, names: Sequence[str], tell: Union[Callable[[], None], None] = None) -> Step:
+        """Adds effects or values to those that were added before, and fits all."""
+        return self._fitted("+ " + ", ".join(names), (*self.step.added, *names), tell)
+
+    def remove(self, names: Sequence[str], tell: Union[Callable[[], None], None] = None) -> Step:
+        """Takes what was added out again, and fits the rest. Raises `BtrError` for what was not added."""
+        missing = [name for name in names if name not in self.step.added]
+        if missing:
+            raise wrong(f"{missing[0]} was not added", f"added: {', '.join(self.step.added) or 'nothing'}")
+        rest = tuple(name for name in self.step.added if name not in names)
+        label = "- " + ", ".join(names)
+        if rest or self.history[0].model.parameters:
+            return self._fitted(label, rest, tell)
+        return self._push(Step(label, self.history[0].model))
+
+    def fit(self, tell: Union[Callable[[], None], None] = None) -> Step:
+        """Fits the free parameters with what was added, from the values of the first model."""
+        return self._fitted("fitted", self.step.added, tell)
+
+    def set_values(self, values: Mapping[str, float]) -> Step:
+        """Sets values of free parameters, in their units. A series of such changes is one step."""
+        before = self.step
+        step = Step(BY_HAND, before.model.at(values), before.added, before.fit, {**before.by_hand, **values})
+        if before.label == BY_HAND:
+            self.history[-1] = step
+            return step
+        return self._push(step)
+
+    def undo(self) -> Step:
+        """Returns to the step before; the first one stays."""
+        if len(self.history) > 1:
+            self.history.pop()
+            self.ladder = []
+        return self.step
+
+    def between(self, earlier: Step, parts: int) -> Iterator[Model]:
+        """Models on the straight way from an earlier step's values to the present ones, `parts` of them, the present
+        one last. Parameters that the earlier one lacks come from the end of their bounds that is nearest to 0."""
+        here, before = self.model.values, earlier.model.values
+        off = {dim.name: min(dim.min, dim.max, key=abs) for dim in self.model.parameters}
+        start = {name: before.get(name, off[name]) for name in here}
+        for part in range(1, parts):
+            share = part / parts
+            yield self.model.at({name: start[name] + share * (value - start[name]) for name, value in here.items()})
+        yield self.model
+
+    def save(self) -> Saved:
+        """Writes the model, its report, and scripts that do the same into `folder`, under names that are free. Raises
+        `BtrError` if they cannot be written."""
+        step, first = self.step, self.history[0].model
+        report = step.fit if step.fit is not None and not step.by_hand else self.compare()
+        return save(self.folder, first, self.runs, step.model, step.added, step.by_hand, report)
+
+    def cancel(self) -> None:
+        """Ends what runs: its method raises `Cancelled` before the next batch of simulations."""
+        if self._work is not None:
+            self._work.stop()
+
+    def _fitted(self, label: str, added: tuple[str, ...], tell: Union[Callable[[], None], None]) -> Step:
+        first = self.history[0].model
+        with self._work_on(tell) as (work, told):
+            learn, held = self._logs()
+            found = fit(first, learn, held_out=held, add=added, tell=told, executor=self._executor(work))
+            work.must_go_on()
+            return self._push(Step(label, found.model, added, found))
+
+    def _push(self, step: Step) -> Step:
+        self.history.append(step)
+        return step
+
+    def _logs(self) -> tuple[list[Log], list[Log]]:
+        """The training and the held-out logs."""
+        return [run.log for run in self.runs if not run.held_out], [run.log for run in self.runs if run.held_out]
+
+    def _executor(self, work: Batches) -> Union[Batches, None]:
+        # Functions would have to be pickled for an executor; such work stops only between steps of the ladder.
+        return None if self.history[0].model.laws else work
+
+    @contextmanager
+    def _work_on(self, tell: Union[Callable[[], None], None]) -> Iterator[tuple[Batches, Tell]]:
+        """The work of one call, and its listener."""
+        if not self._one_at_a_time.acquire(blocking=False):
+            raise wrong("something else is running", "wait for it, or cancel it")
+        work = self._work = Batches()
+        self.ladder = []
+
+        def told(step: str, train: float, held_out: Union[float, None]) -> None:
+            work.must_go_on()
+            self.ladder.append((step, train, held_out))
+            if tell is not None:
+                tell()
+
+        try:
+            yield work, told
+        finally:
+            self._work = None
+            self._one_at_a_time.release()
+
+
+def _runs(model: Model, logs: Union[LogLike, Iterable[LogLike], None], *, held_out: bool) -> Iterator[Run]:
+    """The logs of a call that can be read."""
+    for given in Logs(model._model).all(logs):
+        name, source = given if isinstance(given, tuple) else (None, given)
+        try:
+            log = _sources.read(source, None, model._model)
+        except BtrError as damage:
+            if not isinstance(source, Path) or not source.exists():
+                raise
+            _warnings.warn(f"left out: {damage}")
+            continue
+        path = str(source) if isinstance(source, Path) else None
+        yield Run(name or str(log.name), log, held_out, path)

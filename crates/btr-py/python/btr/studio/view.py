@@ -1,0 +1,157 @@
+"""What is seen of one log: the robot and its ghost in space, a channel over time, and the time that both show."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import viser
+
+from btr.studio import panels
+from btr.studio.player import Player
+from btr.studio.plots import Plots
+from btr.studio.replay import BASE, Replay, Run
+from btr.studio.robot import Robot
+from btr.studio.scene import Scene
+from btr.studio.session import Session
+
+MAGNIFIED = {"as it is": 1.0, "5 times as large": 5.0, "20 times as large": 20.0}
+SPEEDS = ("0.1", "0.25", "0.5", "1", "2")
+# Moving the cursor sends all samples of a plot; the robot alone moves with every frame.
+CURSOR_S = 0.1
+
+
+class View:
+    """The panel of the error, and the scene. Methods may be called on any thread."""
+
+    def __init__(self, server: viser.ViserServer, session: Session, robot: Robot, asked: Callable[[], None]) -> None:
+        """`asked` is called when another log or channel was chosen."""
+        self._server, self._session, self._asked = server, session, asked
+        self._lock = threading.RLock()
+        self._replay: Replay | None = None
+        self._cursor_moved = 0.0
+        self._moving = False
+        self.player = Player(self._at)
+        self._scene = Scene(server, robot, floats=BASE[0] in session.replay(0).simulated)
+        self._names = labels(session.runs)
+        self.panel = server.gui.add_panel()
+        with self.panel.add_tab("The error", viser.Icon.CHART_LINE):
+            self._add_log()
+            self._add_time()
+            self._add_channel()
+            self._sentence = server.gui.add_html(panels.sentence(None))
+            self._regimes = server.gui.add_html("")
+
+    @property
+    def run(self) -> int:
+        """Number of the chosen run."""
+        return self._names.index(self._log.value)
+
+    def load(self, replay: Replay) -> None:
+        """Shows a replay of the chosen run at the present time."""
+        with self._lock:
+            self._replay = replay
+            self._scene.load(replay, self._session.model.joints, self._session.floors)
+            self.player.end_s = float(replay.run.clock_s[-1])
+            self._slider.max = round(self.player.end_s, 2)
+            self.player.time_s = min(self.player.time_s, self.player.end_s)
+            channel = self._channel.value
+            self._plots.load(replay, channel, self._session.floors.get(channel), self.player.time_s)
+            self._scene.at(self._sample())
+            self._failed.content = panels.note(replay.failed or "")
+
+    def load_comparison(self) -> None:
+        """Shows where the present model fails."""
+        comparison = self._session.step.comparison
+        self._sentence.content = panels.sentence(comparison)
+        self._regimes.content = panels.regimes(comparison, self._session.model.joints)
+        channels = self._session.channels
+        if list(self._channel.options) != channels:
+            chosen = self._channel.value
+            self._channel.options = channels
+            self._channel.value = chosen if chosen in channels else channels[0]
+
+    def choose_worst(self) -> None:
+        """Chooses a channel of the joint that the model fails most, or else the worst channel."""
+        comparison = self._session.step.comparison
+        if comparison is None or not comparison.channels:
+            return
+        worst = {f"{kind}_{failure.joint}" for failure in comparison.failures[:1] for kind in ("q", "tau")}
+        channels = [channel for channel in comparison.channels if channel.name in worst] or comparison.channels
+        self._channel.value = max(channels, key=lambda channel: channel.chi or 0.0).name
+
+    def _add_log(self) -> None:
+        self._log: Any = self._server.gui.add_dropdown("Log", self._names, initial_value=self._names[0])
+        self._log.on_update(lambda _: self._asked())
+
+    def _add_time(self) -> None:
+        gui = self._server.gui
+        self._slider: Any = gui.add_slider("Time (s)", 0.0, 1.0, 0.01, 0.0)
+        self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
+        magnify = gui.add_dropdown("Error shown", list(MAGNIFIED), initial_value="as it is")
+        with gui.add_folder("Playback", expand_by_default=False):
+            speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
+            loop = gui.add_checkbox("Loop", True)
+            robot, model = gui.add_checkbox("Robot", True), gui.add_checkbox("Model", True)
+        gui.add_html(panels.legend())
+        self._slider.on_update(self._dragged)
+        self._play.on_click(lambda _: self.toggle())
+        magnify.on_update(lambda _: self._magnify(MAGNIFIED[magnify.value]))
+        speed.on_update(lambda _: setattr(self.player, "speed", float(speed.value)))
+        loop.on_update(lambda _: setattr(self.player, "loops", bool(loop.value)))
+        for box in (robot, model):
+            box.on_update(lambda _: self._scene.show(robot=robot.value, model=model.value))
+
+    def _magnify(self, factor: float) -> None:
+        self._scene.magnified = factor
+        self._at(self.player.time_s)
+
+    def _add_channel(self) -> None:
+        channels = self._session.channels or ["none"]
+        self._channel: Any = self._server.gui.add_dropdown("Channel", channels, initial_value=channels[0])
+        self._plots = Plots(self._server)
+        self._failed = self._server.gui.add_html("")
+        self._channel.on_update(lambda _: self._asked())
+
+    def toggle(self) -> None:
+        """Lets the time run or stops it."""
+        if self.player.playing:
+            self.player.pause()
+            self._at(self.player.time_s)
+        else:
+            self.player.play()
+        self._play.label = "Pause" if self.player.playing else "Play"
+        self._play.icon = viser.Icon.PLAYER_PAUSE if self.player.playing else viser.Icon.PLAYER_PLAY
+
+    def _dragged(self, event: Any) -> None:
+        # What the player shows is no drag.
+        if event.client is not None:
+            self.player.time_s = float(self._slider.value)
+            self._at(self.player.time_s)
+
+    def _sample(self) -> int:
+        clock = np.zeros(1) if self._replay is None else self._replay.run.clock_s
+        return int(np.clip(np.searchsorted(clock, self.player.time_s), 0, len(clock) - 1))
+
+    def _at(self, time_s: float) -> None:
+        """Shows a time."""
+        with self._lock:
+            if self._replay is None:
+                return
+            self._scene.at(self._sample())
+            now = time.monotonic()
+            if now - self._cursor_moved >= CURSOR_S or not self.player.playing:
+                self._cursor_moved = now
+                self._plots.at(time_s)
+                self._slider.value = round(time_s, 3)
+
+
+def labels(runs: Sequence[Run]) -> list[str]:
+    """Short names of the runs, the held-out ones marked, each unique."""
+    short = [run.name.replace("\\", "/").rpartition("/")[2] or run.name for run in runs]
+    names = [run.name if short.count(name) > 1 else name for name, run in zip(short, runs)]
+    marked = [f"{name} (held out)" if run.held_out else name for name, run in zip(names, runs)]
+    return [name if marked.count(name) == 1 else f"{k + 1}: {name}" for k, name in enumerate(marked)]

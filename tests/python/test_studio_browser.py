@@ -1,0 +1,103 @@
+"""The studio in a browser, as an engineer uses it: look, ask what is missing, add it, save the model."""
+
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("viser", reason="the studio needs viser")
+playwright = pytest.importorskip("playwright.sync_api", reason="the page is used by Playwright")
+
+import btr
+from browser import found
+
+if found() is None:
+    pytest.skip("there is no Chromium here", allow_module_level=True)
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+HOSTILE = "<img src=stolen onerror=alert(1)>.csv"
+FRICTION = "coulomb_friction@yaw"
+PATIENCE_MS = 240_000
+# Debian's Chromium draws WebGL on the processor.
+FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic"]
+QUIET = ["--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run"]
+
+
+@pytest.fixture
+def address(tmp_path: Path) -> Iterator[str]:
+    hostile = tmp_path / HOSTILE
+    shutil.copy(ROBOTS / "arm/learn_2.csv", hostile)
+    logs = [str(ROBOTS / "arm/learn_1.csv"), str(hostile)]
+    held_out = ["--held-out", str(ROBOTS / "arm/held_out_1.csv")]
+    options = ["--folder", str(tmp_path), "--port", "0", "--no-browser"]
+    program = [sys.executable, "-u", "-m", "btr.studio", str(ROBOTS / "arm.toml"), *logs, *held_out, *options]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        yield process.stdout.readline().split()[-1]
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+
+
+@pytest.fixture
+def page(address: str) -> Iterator["playwright.Page"]:
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=found(), args=FLAGS + QUIET)
+        page = browser.new_page(viewport={"width": 1050, "height": 700})
+        page.set_default_timeout(PATIENCE_MS)
+        page.failures = []
+        page.on("pageerror", lambda error: page.failures.append(str(error)))
+        page.on("dialog", lambda dialog: page.failures.append(dialog.message))
+        own = re.compile(re.escape(address.partition("?")[0]) + r"(\?token=.*)?$|data:|blob:")
+        page.on("request", lambda request: own.match(request.url) or page.failures.append(request.url))
+        page.goto(address)
+        yield page
+        assert page.failures == []
+        browser.close()
+
+
+def errors(page: "playwright.Page") -> list[float]:
+    """The errors that stand at the top, in noise floors: on the training and on the held-out logs."""
+    told = page.get_by_text(re.compile("^training logs")).locator("xpath=..").inner_text()
+    return [float(number) for number in re.findall(r"\d+\.\d+", told)]
+
+
+def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_path: Path) -> None:
+    page.get_by_text("Where it fails:").wait_for()
+    assert min(errors(page)) > 5.0
+
+    page.get_by_role("button", name="Play", exact=True).click()
+    shown = page.get_by_text("Time (s)", exact=True).locator("xpath=following::input[@inputmode='decimal'][1]")
+    playwright.expect(shown).not_to_have_value("0", timeout=PATIENCE_MS)
+    page.get_by_role("button", name="Pause", exact=True).click()
+
+    log = page.get_by_role("combobox", name="Log")
+    log.click()
+    page.get_by_role("option", name=HOSTILE).click()
+    playwright.expect(log).to_have_value(HOSTILE)
+
+    page.get_by_role("button", name="What is missing?").click()
+    page.get_by_role("button", name="Cancel", exact=True).click()
+    page.get_by_text("cancelled", exact=True).wait_for()
+    page.get_by_role("button", name="What is missing?").click()
+    add = page.get_by_role("button", name=f"Add {FRICTION}", exact=True)
+    add.wait_for()
+    assert page.get_by_text(f"missing: {FRICTION}").count() == 1
+
+    add.click()
+    page.get_by_role("button", name=f"Remove {FRICTION}", exact=True).wait_for()
+    page.get_by_text("No joint fails:").wait_for()
+    assert max(errors(page)) < 1.2
+
+    page.get_by_role("button", name="Save model, report and scripts").click()
+    page.get_by_text("saved:").wait_for()
+    assert "coulomb_friction.torque@yaw" in btr.load_model(tmp_path / "arm-studio.toml").values
+    assert (tmp_path / "arm-studio.html").exists()
+
+    page.get_by_role("button", name="Undo", exact=True).click()
+    page.get_by_text("Where it fails:").wait_for()
+    assert min(errors(page)) > 5.0

@@ -1,0 +1,256 @@
+"""The studio's page without a browser: who is answered, what is escaped, and how the robot is drawn."""
+
+import contextlib
+import http.client
+import math
+import socket
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from urllib.parse import urlsplit
+
+import pytest
+
+viser = pytest.importorskip("viser", reason="the studio needs viser")
+
+import numpy as np
+
+import btr
+from btr.studio import panels
+from btr.studio import server as server_module
+from btr.studio.candidates import Candidate
+from btr.studio.cause import reach
+from btr.studio.player import Player
+from btr.studio.replay import Replay, Run, error
+from btr.studio.robot import parsed, robot_of
+from btr.studio.scene import STEPS, Figure, Scene, colour_of
+from btr.studio.server import Server, serve
+from btr.studio.session import Session
+from btr.studio.view import labels
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+HOSTILE = "<img src=x onerror=alert(1)>"
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[tuple[Server, str]]:
+    server, address = serve("127.0.0.1", 0)
+    yield server, address
+    server.stop()
+
+
+def ask(address: str, path: str = "/", **headers: str) -> tuple[int, dict[str, str], bytes]:
+    place = urlsplit(address)
+    connection = http.client.HTTPConnection(place.hostname, place.port, timeout=10)
+    connection.putrequest("GET", path, skip_host=True, skip_accept_encoding=True)
+    for key, value in {"Host": place.netloc, **headers}.items():
+        connection.putheader(key, value)
+    connection.endheaders()
+    response = connection.getresponse()
+    return response.status, dict(response.getheaders()), response.read()
+
+
+@pytest.fixture(scope="module")
+def cookie(served: tuple[Server, str]) -> str:
+    _, address = served
+    place = urlsplit(address)
+    status, headers, _ = ask(address, f"{place.path}?{place.query}")
+    assert status == 302 and headers["Location"] == "/", "the token leaves the address"
+    assert "HttpOnly" in headers["Set-Cookie"] and "SameSite=Lax" in headers["Set-Cookie"]
+    return headers["Set-Cookie"].partition(";")[0]
+
+
+def socket_of(address: str, origin: str | None) -> dict[str, str]:
+    upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
+    keys = {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": f"viser-v{viser.__version__}"}
+    return {**upgrade, **keys, **({} if origin is None else {"Origin": origin})}
+
+
+def test_only_the_token_opens_the_page(served: tuple[Server, str], cookie: str) -> None:
+    _, address = served
+    assert ask(address)[0] == 403
+    assert ask(address, "/?token=guessed")[0] == 403
+    assert ask(address, Cookie=cookie[:-1])[0] == 403
+    status, headers, page = ask(address, Cookie=cookie)
+    assert status == 200 and b"<html" in page
+    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+    assert headers["X-Frame-Options"] == "DENY"
+
+
+def test_other_hosts_are_refused(served: tuple[Server, str], cookie: str) -> None:
+    _, address = served
+    port = urlsplit(address).port
+    for host in ("evil.example", f"evil.example:{port}", f"127.0.0.1.evil.example:{port}", "", "[", "::1]"):
+        assert ask(address, Cookie=cookie, Host=host)[0] == 403, host
+    for host in ("localhost", "192.168.1.2", "[::1]", socket.gethostname().upper(), f"{socket.gethostname()}.local"):
+        assert ask(address, Cookie=cookie, Host=f"{host}:{port}")[0] == 200, host
+
+
+def test_other_origins_are_refused(served: tuple[Server, str], cookie: str) -> None:
+    _, address = served
+    own = f"http://{urlsplit(address).netloc}"
+    for origin in ("http://evil.example", "null", "http://127.0.0.1:1", f"{own}.evil.example", None):
+        assert ask(address, Cookie=cookie, **socket_of(address, origin))[0] == 403, origin
+    assert ask(address, Cookie=cookie, Origin="http://evil.example")[0] == 403
+    assert ask(address, **socket_of(address, own))[0] == 403, "no token"
+    assert ask(address, Cookie=cookie, **socket_of(address, own))[0] == 101
+
+
+def test_no_other_file_is_served(served: tuple[Server, str], cookie: str) -> None:
+    _, address = served
+    for path in ("/../../../../../../etc/passwd", "/%2e%2e/%2e%2e/_viser.py", "//etc/passwd", str(ROBOTS / "arm.toml")):
+        assert ask(address, path, Cookie=cookie)[0] == 404, path
+
+
+def test_nothing_is_shared_with_the_internet(served: tuple[Server, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def tunnel(*_: object) -> None:
+        raise AssertionError("a tunnel to the internet")
+
+    monkeypatch.setattr("viser._viser.ViserTunnel", tunnel)
+    assert served[0].request_share_url() is None
+
+
+def test_a_viser_that_cannot_be_guarded_does_not_serve(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server_module, "_guarding", lambda _: contextlib.nullcontext())
+    with pytest.raises(RuntimeError, match="this version of viser"):
+        serve("127.0.0.1", 0)
+
+
+def test_names_are_escaped() -> None:
+    failure = SimpleNamespace(joint=HOSTILE, regime="fast", chi=3.0, hint=HOSTILE)
+    comparison = SimpleNamespace(failures=[failure], warnings=[HOSTILE], not_judged=[HOSTILE])
+    card = Candidate((HOSTILE,), HOSTILE, HOSTILE, (HOSTILE,), 0.5, True, (HOSTILE,), 1.0)
+    texts = [
+        panels.head(HOSTILE, HOSTILE, 1.0, 1.0),
+        panels.ladder([(HOSTILE, 1.0, 1.0)], HOSTILE),
+        panels.sentence(comparison),
+        panels.regimes(comparison, [HOSTILE]),
+        panels.card(card),
+        panels.verdict(HOSTILE),
+        panels.note(HOSTILE),
+        panels.commands(HOSTILE, HOSTILE),
+        panels.lines({HOSTILE: "red"}),
+    ]
+    for text in texts:
+        assert "&lt;img" in text and "<img" not in text
+
+
+def test_errors_are_told_in_few_digits() -> None:
+    assert "1.02" in panels.head("arm", "fitted", 1.0234, None)
+    assert "infinite" in panels.head("arm", "set by hand", math.inf, None)
+
+
+def test_held_out_logs_are_marked_and_labels_are_unique() -> None:
+    log = btr.Log([0.0, 0.1], {"q_a": [0.0, 0.0]})
+    runs = [Run(name, log, held, None) for name, held in (("a/x.csv", False), ("b/x.csv", False), ("y.csv", True))]
+    assert labels(runs) == ["a/x.csv", "b/x.csv", "y.csv (held out)"]
+    assert labels([runs[2], runs[2]]) == ["1: y.csv (held out)", "2: y.csv (held out)"]
+
+
+def test_time_runs_at_its_speed_and_begins_again() -> None:
+    player = Player(lambda _: None)
+    player.end_s, player.speed = 4.0, 0.5
+    assert player.step(1.0) == 0.5
+    player.time_s = 3.9
+    assert player.step(1.0) == pytest.approx(0.4)
+    player.loops, player.time_s = False, 3.9
+    player.play()
+    assert player.step(1.0) == 4.0 and not player.playing
+    player.play()
+    assert player.time_s == 0.0, "it begins again after the end"
+    player.end()
+
+
+def test_errors_count_missing_readings_as_none() -> None:
+    log = btr.Log([0.0, 0.1, 0.2], {"q_a": [0.0, math.nan, 0.3]})
+    replay = Replay(Run("x", log, False, None), {"q_a": np.array([0.0, 9.0, 0.0])})
+    assert error([replay], {"q_a": 0.1}) == pytest.approx(3.0 / math.sqrt(2))
+    assert error([], {"q_a": 0.1}) is None
+
+
+def test_a_slider_of_a_tiny_value_is_fine_enough() -> None:
+    known = {"name": "x", "unit": "1", "min": 0.0, "max": 11.0, "scale": "linear", "nominal": 0.0}
+    dim = btr.documents.Dimension(known)
+    assert reach(dim, 0.25) == (0.0, 1.0)
+    assert reach(dim, 5.0) == (0.0, 11.0) == reach(dim, 0.0)
+
+
+def test_colours_grow_with_the_error() -> None:
+    assert [colour_of(-error) for error in (0.0, 3.0, 7.0, 15.0, 1e9)] == [colour for _, colour in STEPS]
+
+
+def test_every_robot_has_a_drawing() -> None:
+    arm = robot_of(btr.load_model(ROBOTS / "arm.toml"))
+    assert [link.joint for link in arm.links] == ["", "yaw", "shoulder", "elbow"]
+    assert arm.reach_m == pytest.approx(0.54)
+    (forearm,) = arm.rods(arm.links[3])
+    assert forearm.end_m == (0.18, 0.0, 0.0), "through the centre of mass"
+    nao = robot_of(btr.load_model(ROBOTS / "nao.toml"))
+    assert set(btr.load_model(ROBOTS / "nao.toml").joints) <= {link.joint for link in nao.links}
+    assert any(link.shapes for link in nao.links)
+
+
+def test_a_urdf_that_is_none_is_an_error() -> None:
+    for text in ("", "<robot>", "<robot><joint name='a'><parent link='b'/><child link='c'/></joint></robot>"):
+        with pytest.raises(btr.BtrError, match="URDF"):
+            parsed(text)
+
+
+def test_the_figure_moves_as_its_joints_do(served: tuple[Server, str]) -> None:
+    """The tip of the arm, by the frames of the scene and by hand."""
+    server, _ = served
+    figure = Figure(server, robot_of(btr.load_model(ROBOTS / "arm.toml")), "tested", ghost=False)
+    yaw, shoulder, elbow = 0.3, -0.7, 0.4
+    figure.pose({"yaw": yaw, "shoulder": shoulder, "elbow": elbow}, None)
+    tip = np.array([0.18, 0.0, 0.0])
+    for frame in reversed(list(figure.frames.values())):
+        tip = viser.transforms.SO3(frame.wxyz).apply(tip) + frame.position
+    out = 0.2 * math.cos(shoulder) + 0.18 * math.cos(shoulder + elbow)
+    up = 0.16 - 0.2 * math.sin(shoulder) - 0.18 * math.sin(shoulder + elbow)
+    assert tip == pytest.approx([out * math.cos(yaw), out * math.sin(yaw), up], abs=1e-6)
+
+
+def test_the_program_tells_what_it_cannot_use(capfd: pytest.CaptureFixture[str]) -> None:
+    from btr.studio.__main__ import main
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert main(["missing.toml", "missing.csv", "--no-browser"]) == 2
+    assert "error: " in capfd.readouterr().err
+
+
+MESHED = """<robot name="m"><link name="base">
+<visual><geometry><mesh filename="{name}" scale="2 2 2"/></geometry></visual>
+<collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"""
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+
+def test_meshes_are_read_from_beside_the_urdf_and_from_no_other_place(tmp_path: Path) -> None:
+    folder = tmp_path / "arm_description" / "urdf"
+    folder.mkdir(parents=True)
+    secret, beside = tmp_path / "secret.obj", folder / "link.obj"
+    secret.write_text(TRIANGLE)
+    beside.write_text(TRIANGLE)
+    (folder / "way_out.obj").symlink_to(secret)
+    (folder / "link.txt").write_text(TRIANGLE)
+    (folder / "broken.obj").write_text("no mesh")
+    for name in ("link.obj", f"file://{beside}", "package://arm_description/urdf/link.obj"):
+        (shape,) = parsed(MESHED.format(name=name), folder).links[0].shapes
+        assert shape.kind == "mesh" and shape.mesh[0].max() == 2.0, name
+    outside = ("../../secret.obj", str(secret), "package://other/secret.obj", "package://arm_description/../secret.obj")
+    for name in (*outside, "way_out.obj", "link.txt", "broken.obj", "http://evil.example/link.obj"):
+        (shape,) = parsed(MESHED.format(name=name), folder).links[0].shapes
+        assert shape.kind == "sphere", f"{name}: the collision shape takes its place"
+
+
+def test_readings_without_noise_have_no_floor(served: tuple[Server, str]) -> None:
+    model = btr.load_model(ROBOTS / "emps.toml")
+    session = Session(model, model.simulate())
+    session.compare()
+    assert 0.0 in session.floors.values()
+    scene = Scene(served[0], robot_of(model), floats=False)
+    scene.load(session.replay(0), model.joints, session.floors)
+    scene.at(0)
+    failure = SimpleNamespace(joint="slide", regime="fast", chi=None, hint="")
+    assert "infinite" in panels.regimes(SimpleNamespace(failures=[failure]), ["slide"])

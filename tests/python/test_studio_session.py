@@ -1,0 +1,232 @@
+"""The studio without its page: what was done to a model, and what can be undone."""
+
+import json
+import math
+import shlex
+import threading
+from pathlib import Path
+
+import pytest
+
+import btr
+from btr._btr import command
+from btr.studio.candidates import candidates
+from btr.studio.session import Session
+from btr.studio.work import Cancelled, Latest
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+FRICTION = "coulomb_friction@yaw"
+
+
+def session_of_arm(folder: Path) -> Session:
+    session = Session(ROBOTS / "arm.toml", [ROBOTS / "arm/learn_1.csv"], [ROBOTS / "arm/held_out_1.csv"], folder=folder)
+    session.compare()
+    return session
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Session:
+    return session_of_arm(tmp_path)
+
+
+class Diagnosed:
+    """A session that was diagnosed, and what it told: lengths of the ladder, and batches so far."""
+
+    def __init__(self, folder: Path) -> None:
+        self.session = session_of_arm(folder)
+        self.heard: list[tuple[int, int | None]] = []
+        self.session.diagnose(lambda: self.heard.append((len(self.session.ladder), self.session.batches)))
+
+
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> Diagnosed:
+    return Diagnosed(tmp_path_factory.mktemp("diagnosed"))
+
+
+def test_errors_are_those_of_compare(arm: Session) -> None:
+    channels = btr.compare(arm.model, [ROBOTS / "arm/learn_1.csv"]).channels
+    chi = math.sqrt(sum(channel.chi**2 for channel in channels) / len(channels))
+    assert arm.errors()[0] == pytest.approx(chi, rel=1e-3)
+    assert chi > 10.0
+
+
+def test_the_error_waits_for_the_noise_floors() -> None:
+    session = Session(ROBOTS / "arm.toml", [ROBOTS / "arm/learn_1.csv"])
+    assert session.errors() == (None, None)
+    session.compare()
+    learn, held_out = session.errors()
+    assert learn is not None and held_out is None, "no log is held out"
+
+
+def test_the_ladder_grows_while_the_cause_is_searched_for(diagnosed: Diagnosed) -> None:
+    assert [length for length, _ in diagnosed.heard] == list(range(1, len(diagnosed.session.ladder) + 1))
+    assert all(batches for _, batches in diagnosed.heard), "simulations are counted"
+    assert diagnosed.session.batches is None, "nothing runs any more"
+
+
+def test_cards_say_what_is_known_of_a_suspect(diagnosed: Diagnosed) -> None:
+    first, *others = diagnosed.session.candidates
+    assert first.names == (FRICTION,) and first.established and first.probability > 0.5
+    assert "sign(dq)" in first.law and "square wave" in first.shows
+    assert first.values[0].startswith("coulomb_friction.torque@yaw = 0.2")
+    assert others and all(other.probability is None for other in others)
+    assert FRICTION not in [name for other in others for name in other.names]
+
+
+def test_a_value_that_is_wrong_is_a_suspect() -> None:
+    estimate = {"name": "mass@upper", "unit": "kg", "value": 0.5, "ci95": None, "at_bound": True, "by_bounds": False}
+    value = {"value": "mass", "site": "upper", "alike": [], "probability": 0.9, "established": True}
+    report = {**value, "parameters": [{**estimate, "in_model": 0.7}]}
+    document = {"effects": [], "wrong_values": [report], "ranking": []}
+    (card,) = candidates(btr.DiagnoseResult(document, None, None, None))
+    assert card.names == ("mass@upper",)
+    assert card.law == "mass@upper: 0.5 kg in the logs, 0.7 in the model"
+
+
+def test_what_is_added_can_be_removed_and_undone(arm: Session) -> None:
+    before = arm.errors()[1]
+    added = arm.add([FRICTION])
+    assert added.added == (FRICTION,) and added.fit is not None
+    assert arm.errors()[1] < 1.2
+    arm.remove([FRICTION])
+    assert arm.step.added == () and arm.errors()[1] > 5.0
+    assert arm.undo() is added
+    arm.undo()
+    assert arm.errors()[1] == before
+    assert arm.undo() is arm.history[0], "the first step stays"
+
+
+def test_what_was_not_added_cannot_be_removed(arm: Session) -> None:
+    with pytest.raises(btr.BtrError, match="was not added"):
+        arm.remove(["backlash@yaw"])
+    assert len(arm.history) == 1
+
+
+def test_a_series_of_values_is_one_step(arm: Session) -> None:
+    for kp in (19.0, 18.0, 17.5):
+        arm.set_values({"kp@yaw": kp})
+    arm.set_values({"kd@yaw": 0.45})
+    assert len(arm.history) == 2
+    assert arm.step.by_hand == {"kp@yaw": 17.5, "kd@yaw": 0.45}
+    assert arm.model.values["kp@yaw"] == 17.5
+    arm.undo()
+    assert arm.model.values["kp@yaw"] == 20.0
+
+
+def test_a_value_outside_its_bounds_changes_nothing(arm: Session) -> None:
+    with pytest.raises(btr.BtrError):
+        arm.set_values({"kp@yaw": 1000.0})
+    assert len(arm.history) == 1
+
+
+def test_the_way_to_a_fit_begins_without_the_effect(arm: Session) -> None:
+    first = arm.step
+    arm.add([FRICTION])
+    way = [model.values for model in arm.between(first, 4)]
+    torque = arm.model.values["coulomb_friction.torque@yaw"]
+    torques = [values["coulomb_friction.torque@yaw"] for values in way]
+    assert torques == pytest.approx([torque * k / 4 for k in (1, 2, 3, 4)])
+    assert way[-1] == arm.model.values
+
+
+def test_cancelled_work_leaves_everything_as_it_was(arm: Session) -> None:
+    with pytest.raises(Cancelled):
+        arm.diagnose(arm.cancel)
+    assert arm.diagnosis is None and len(arm.history) == 1 and arm.batches is None
+    with pytest.raises(Cancelled):
+        arm.add([FRICTION], arm.cancel)
+    assert len(arm.history) == 1
+    arm.add([FRICTION])
+
+
+def test_one_thing_runs_at_a_time(arm: Session) -> None:
+    refused = []
+
+    def second() -> None:
+        try:
+            arm.fit()
+        except btr.BtrError as error:
+            refused.append(str(error))
+        arm.cancel()
+
+    with pytest.raises(Cancelled):
+        arm.diagnose(second)
+    assert "something else is running" in refused[0]
+
+
+def test_a_simulation_that_diverges_has_no_channels(arm: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    def diverges(self: btr.Model, log: btr.Log) -> btr.Log:
+        raise btr.BtrError("the simulation diverged")
+
+    monkeypatch.setattr(btr.Model, "simulate", diverges)
+    assert arm.replay(0).failed == "the simulation diverged"
+    assert arm.replay(0).residual("q_yaw") is None
+    assert arm.errors()[0] == math.inf
+
+
+def test_a_damaged_log_is_left_out_and_told(tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged.csv"
+    damaged.write_text("t,q_yaw\n0,zero\n")
+    with pytest.warns(UserWarning, match="left out"):
+        session = Session(ROBOTS / "arm.toml", [damaged, ROBOTS / "arm/learn_1.csv"])
+    assert len(session.runs) == 1
+    with pytest.warns(UserWarning, match="left out"), pytest.raises(btr.BtrError, match="no log is left"):
+        Session(ROBOTS / "arm.toml", [damaged])
+    with pytest.raises(btr.BtrError):
+        Session(ROBOTS / "arm.toml", [tmp_path / "missing.csv"])
+
+
+def test_what_is_saved_comes_to_the_same(arm: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    arm.add([FRICTION])
+    saved, again = arm.save(), arm.save()
+    assert saved.model.name == "arm-studio.toml" and again.model.name == "arm-studio-2.toml"
+    assert btr.load_model(saved.model).values == arm.model.values
+    assert "<html" in saved.report.read_text()
+    monkeypatch.chdir(tmp_path)
+    _, _, compare, _, fit, _ = saved.shell.read_text().splitlines()
+    assert command(shlex.split(compare)) == 0
+    assert command(shlex.split(fit)) == 0
+    assert btr.load_model("fitted.toml").values == arm.model.values
+
+
+def test_values_set_by_hand_are_in_the_scripts(arm: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    arm.add([FRICTION])
+    arm.set_values({"kp@yaw": 18.0})
+    saved = arm.save()
+    assert btr.load_model(saved.model).values["kp@yaw"] == 18.0
+    monkeypatch.chdir(tmp_path)
+    steps = [line for line in saved.python.read_text().splitlines() if "btr.diagnose" not in line]
+    known: dict = {}
+    exec("\n".join(steps), known)
+    assert known["found"].values == arm.model.values
+    arm.model.save(tmp_path / "fitted.toml")
+    last = saved.shell.read_text().splitlines()[-1]
+    assert command(shlex.split(last)) == 0
+
+
+def test_logs_in_memory_have_no_scripts(tmp_path: Path) -> None:
+    model = btr.load_model(ROBOTS / "arm.toml")
+    columns = btr.load_log(ROBOTS / "arm/learn_1.csv").to_dict() | {"t": [0.01 * k for k in range(401)]}
+    session = Session(model, columns, folder=tmp_path)
+    assert session.runs[0].name == "log 1"
+    saved = session.save()
+    assert saved.shell is None and saved.python is None and saved.model.exists()
+    assert json.dumps(sorted(path.suffix for path in tmp_path.iterdir())) == '[".html", ".toml"]'
+
+
+def test_only_the_latest_redraw_counts() -> None:
+    drawn, begun, go_on = [], threading.Event(), threading.Event()
+
+    def draw(is_stale) -> None:
+        begun.set()
+        go_on.wait(5.0)
+        drawn.append(is_stale())
+
+    latest = Latest(draw)
+    latest.ask()
+    assert begun.wait(5.0)
+    for _ in range(10):
+        latest.ask()
+    go_on.set()
+    latest.end()
+    assert drawn[0] is True and len(drawn) <= 2
