@@ -216,7 +216,7 @@ pub(crate) struct SimulateArgs {
 pub(crate) struct NewArgs {
     /// The robot: .urdf, .xacro, or .xml (URDF or MJCF)
     pub(crate) robot: PathBuf,
-    /// Logs of the robot (CSV or MCAP), whose columns become its channels; the first one stands for all
+    /// Logs of the robot (CSV or MCAP), whose columns become its channels
     #[arg(value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     /// Where to write the model; the URDF of a xacro file or MuJoCo model is written beside it

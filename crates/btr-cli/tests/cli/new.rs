@@ -58,6 +58,43 @@ fn what_a_urdf_states_counts() {
 }
 
 #[test]
+fn what_logs_lack_is_told_of_each() {
+    let lab = lab(&[], |_, x| x);
+    let part = |to: &str, gone: &[&str]| {
+        let names: Vec<String> = lab.read("log.csv").lines().next().unwrap().split(',').map(str::to_owned).collect();
+        lab.edit("log.csv", to, |_, cells| {
+            let mut kept = names.iter().map(|name| !gone.contains(&name.as_str()));
+            cells.retain(|_| kept.next().unwrap());
+            true
+        });
+    };
+    part("no_elbow.csv", &["q_elbow", "cmd_elbow"]);
+    part("no_yaw.csv", &["q_yaw"]);
+    let told = lab.ok("new arm.urdf no_elbow.csv log.csv no_yaw.csv -o arm.toml");
+    assert!(told.contains("warning: no_elbow.csv lacks the columns cmd_elbow, q_elbow\n"), "{told}");
+    assert!(told.contains("warning: no_yaw.csv lacks the columns q_yaw\n"), "{told}");
+    assert!(!told.contains("warning: log.csv") && !told.contains("has columns of"), "{told}");
+    // What the first log lacks is found in the others: in degrees, as all of their positions.
+    lab.edit("log.csv", "degrees.csv", |row, cells| {
+        for cell in cells.iter_mut().skip(1).filter(|_| row > 0) {
+            *cell = cell.parse::<f64>().unwrap().to_degrees().to_string();
+        }
+        cells.iter_mut().filter(|_| row == 0).for_each(|name| *name = name.replace("q_", "position "));
+        true
+    });
+    lab.edit("degrees.csv", "first.csv", |_, cells| {
+        cells.truncate(cells.len() - 1);
+        true
+    });
+    let told = lab.ok("new arm.urdf first.csv degrees.csv -o both.toml");
+    assert!(told.contains("warning: first.csv lacks the columns position elbow"), "{told}");
+    assert!(lab.read("both.toml").contains("q_elbow = { column = \"position elbow\", factor = 0.0174532"));
+    lab.write("other.csv", "t,a\n0,1\n1,2\n");
+    let told = lab.complaint("new arm.urdf log.csv other.csv -o other.toml");
+    assert!(told.starts_with("error: other.csv: none of its columns (t, a) is one of the joints"), "{told}");
+}
+
+#[test]
 fn foreign_columns_in_degrees_and_milliseconds_are_matched() {
     let lab = lab(&[("cmd_", "goal position "), ("q_", "present position ")], |column, x| {
         if column == 0 { 1e3 * x } else { x.to_degrees() }

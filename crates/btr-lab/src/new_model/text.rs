@@ -24,6 +24,8 @@ pub struct Draft {
     pub text: String,
     /// What was guessed, in words.
     pub told: Vec<String>,
+    /// What the logs lack, in words.
+    pub warnings: Vec<String>,
 }
 
 /// Writes a model file. `base` is that of the user; without it the robot's own, or a guess.
@@ -47,7 +49,7 @@ pub fn written(
     writer.effects();
     writer.channels();
     writer.parameters();
-    Ok(Draft { text: writer.text, told: writer.told })
+    Ok(Draft { text: writer.text, told: writer.told, warnings: columns.lacking.clone() })
 }
 
 pub(super) struct Writer<'a> {

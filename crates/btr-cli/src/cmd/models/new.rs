@@ -7,7 +7,7 @@ use btr_lab::experiment;
 use btr_lab::experiment::Source;
 use btr_lab::failure::Failure;
 use btr_lab::model_text::moved;
-use btr_lab::new_model::{LogColumns, RobotFile, UrdfPlace, written};
+use btr_lab::new_model::{Draft, LogColumns, RobotFile, UrdfPlace, written};
 use btr_lab::output::{OutputKind, guard};
 use btr_lab::verbs::AddError;
 use btr_physics::robot::Base;
@@ -37,7 +37,7 @@ pub(crate) fn run(args: &NewArgs, global: &Global) -> Result<u8, Failure> {
     common::write_text(&args.output, &text)?;
     // Whether btr itself can read what it wrote.
     experiment::model(&Source::read(&args.output)?)?;
-    tell(args, global, &file, &draft.told, &urdf_file);
+    tell(args, global, &file, &draft, &urdf_file);
     Ok(DONE)
 }
 
@@ -54,18 +54,20 @@ fn folder(path: &Path) -> &Path {
     path.parent().unwrap_or(Path::new(""))
 }
 
-fn tell(args: &NewArgs, global: &Global, file: &RobotFile, guesses: &[String], urdf_file: &Path) {
+fn tell(args: &NewArgs, global: &Global, file: &RobotFile, draft: &Draft, urdf_file: &Path) {
     let lacking = &file.robot.not_represented;
+    let Draft { told, warnings, .. } = draft;
     if global.json {
         let document = serde_json::json!({
             "ok": true, "model": args.output, "urdf": if file.is_urdf { &args.robot } else { urdf_file },
-            "guesses": guesses, "not_represented": lacking,
+            "guesses": told, "not_represented": lacking, "warnings": warnings,
         });
         println!("{document}");
     } else if !global.quiet {
         println!("{}: a model of {} joints", args.output.display(), file.robot.joints.len());
-        guesses.iter().for_each(|guess| println!("guess: {guess}"));
+        told.iter().for_each(|guess| println!("guess: {guess}"));
         lacking.iter().for_each(|what| println!("not represented: {what}"));
+        warnings.iter().for_each(|what| println!("warning: {what}"));
         let logs = if args.logs.is_empty() { "LOG..." } else { "the same logs" };
         println!("next: see what says GUESS or FILL IN in it, then btr check {} with {logs}", args.output.display());
     }
