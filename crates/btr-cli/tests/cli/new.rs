@@ -49,7 +49,7 @@ fn what_a_urdf_states_counts() {
         "max_torque = 7.0",
         "\"damping@hinge\" = { bounds = [0.0, 1.2], value = 0.4 }",
         "\"friction@hinge\" = { bounds = [0.0, 0.9], value = 0.3 }",
-        "# not represented: link `bob`: the mesh `package://gone/bob.stl` is ignored; only primitives have contacts",
+        "# not represented: link `bob`: contacts of the mesh `package://gone/bob.stl`; only primitives have contacts",
         "base = \"fixed\"\n",
     ] {
         assert!(model.contains(line), "{line} is not in\n{model}");

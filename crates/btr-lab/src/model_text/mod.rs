@@ -13,5 +13,5 @@ pub use add_effect::{AddError, Addition, add};
 pub use add_law::{OwnLaw, OwnNumber, add_law};
 pub use enlarged::enlarges;
 pub(crate) use paths::each_named_file;
-pub use paths::{moved, named_files};
+pub use paths::{moved, named_files, relative_path};
 pub(crate) use rigid_bodies::{StatedBody, with_bodies};
