@@ -110,3 +110,36 @@ fn transform(node: Node) -> Option<Matrix4<f64>> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::bounds;
+
+    /// A file whose scene holds this, with a geometry `g` that has the corners (0, 0, 0) and (1, 2, 3).
+    fn with(scene: &str) -> String {
+        format!(
+            "<COLLADA><geometry id=\"g\"><mesh><source id=\"s\"><float_array>0 0 0 1 2 3</float_array></source>\
+             <vertices><input semantic=\"POSITION\" source=\"#s\"/></vertices></mesh></geometry>\
+             <node id=\"n\"><translate>10 0 0</translate><instance_geometry url=\"#g\"/></node>\
+             <visual_scene>{scene}</visual_scene></COLLADA>"
+        )
+    }
+
+    #[test]
+    fn nodes_move_what_they_hold() {
+        let high = |scene: &str| bounds(with(scene).as_bytes()).unwrap().high;
+        let turned =
+            "<node><rotate>0 0 1 -90</rotate><node><scale>1 2 1</scale><instance_geometry url=\"#g\"/></node></node>";
+        assert!((high(turned) - nalgebra::Point3::new(4.0, 0.0, 3.0)).norm() < 1e-12, "{}", high(turned));
+        assert_eq!(high("<node><instance_node url=\"#n\"/></node>"), [11.0, 2.0, 3.0].into());
+    }
+
+    #[test]
+    fn what_has_no_end_or_no_vertices_is_refused() {
+        let told = |scene: &str| bounds(with(scene).as_bytes()).unwrap_err();
+        assert_eq!(told("<node/>"), "it has no vertices");
+        let endless = "<node id=\"m\"><instance_node url=\"#m\"/></node>";
+        assert_eq!(told(endless), "its scene places more than 20000000 vertices");
+    }
+}
