@@ -228,6 +228,9 @@ pub(crate) struct NewArgs {
     /// The first body of the robot in a MuJoCo scene with several
     #[arg(long, value_name = "BODY")]
     pub(crate) root: Option<String>,
+    /// A folder with the packages of a URDF's meshes (package://NAME/...); as often as needed
+    #[arg(long = "package-path", value_name = "DIR")]
+    pub(crate) package_paths: Vec<PathBuf>,
     /// Overwrite an existing model
     #[arg(long)]
     pub(crate) overwrite: bool,

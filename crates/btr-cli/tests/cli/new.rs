@@ -50,11 +50,15 @@ fn what_a_urdf_states_counts() {
         "\"damping@hinge\" = { bounds = [0.0, 1.2], value = 0.4 }",
         "\"friction@hinge\" = { bounds = [0.0, 0.9], value = 0.3 }",
         "# not represented: link `bob`: contacts of the mesh `package://gone/bob.stl`; only primitives have contacts",
+        "# warning: lift.urdf:1: link `bob`: the mesh `package://gone/bob.stl` is not found: name the folder with the \
+         package `gone` in package_paths of [robot]",
+        "package_paths = []",
         "base = \"fixed\"\n",
     ] {
         assert!(model.contains(line), "{line} is not in\n{model}");
     }
     assert!(told.contains("not represented: link `bob`"), "{told}");
+    assert!(told.contains("help: --package-path DIR names a folder with packages"), "{told}");
 }
 
 #[test]
