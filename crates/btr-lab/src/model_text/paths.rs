@@ -123,7 +123,10 @@ mod tests {
             let text = format!("[robot]\npackage_paths = {folders}\n");
             moved(&text, Path::new("/lab/robots"), Path::new(into)).unwrap().replace("[robot]\npackage_paths = ", "")
         };
-        assert_eq!(moved("[\".\", \"..\", \"../ros\"]", "/lab/runs"), "[\"../robots\", \"..\", \"../ros\"]\n");
+        assert_eq!(
+            moved("[\".\", \"..\", \"../ros\"]", "/lab/runs"),
+            "[\"../robots\", \"../robots/..\", \"../ros\"]\n"
+        );
         assert_eq!(moved("[\".\", \"/opt/ros\"]", "/lab/robots"), "[\".\", \"/opt/ros\"]\n");
     }
 
