@@ -125,7 +125,7 @@ mod tests {
         };
         assert_eq!(
             moved("[\".\", \"..\", \"../ros\"]", "/lab/runs"),
-            "[\"../robots\", \"../robots/..\", \"../ros\"]\n"
+            "[\"../robots\", \"../robots/..\", \"../robots/../ros\"]\n"
         );
         assert_eq!(moved("[\".\", \"/opt/ros\"]", "/lab/robots"), "[\".\", \"/opt/ros\"]\n");
     }
