@@ -11,6 +11,7 @@ mod log_quality;
 pub mod model_text;
 pub mod new_model;
 pub mod output;
+pub mod python;
 pub mod reality;
 mod robot_format;
 pub mod run;

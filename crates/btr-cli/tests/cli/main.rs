@@ -30,4 +30,5 @@ mod robot_programs;
 mod runs;
 mod scenarios;
 mod start;
+mod studio;
 mod verbs;

@@ -2,7 +2,7 @@
 
     btr.studio("arm.toml", ["monday.csv", "tuesday.csv"], held_out=["friday.csv"])
 
-Needs viser: `pip install 'btr[studio]'`. `python -m btr.studio` does the same in a shell.
+Needs viser: `pip install 'btr[studio]'`. `btr studio` does the same in a shell.
 """
 
 from __future__ import annotations

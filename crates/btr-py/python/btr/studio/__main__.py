@@ -1,4 +1,4 @@
-"""The studio from a shell: `python -m btr.studio MODEL LOG...`."""
+"""`python -m btr.studio MODEL LOG...`: the studio, for the command `btr`."""
 
 from __future__ import annotations
 
