@@ -50,11 +50,11 @@ fn arguments_and_the_exit_code_are_passed_on() {
     let python = script(&lab, "[ $1 = -c ] && exit 0; echo $RAYON_NUM_THREADS: \"$@\"; exit 7");
     let output = studio(&lab, "arm.toml a.csv b.csv --port 0 --threads 3", &python);
     assert_eq!(output.status.code(), Some(7));
-    assert_eq!(text(&output.stdout), "3: -m btr.studio arm.toml a.csv b.csv --port 0\n");
+    assert_eq!(text(&output.stdout), "3: -m btr._studio arm.toml a.csv b.csv --port 0\n");
     let all = "arm.toml a.csv --host ::1 --folder made --no-browser --held-out b.csv c.csv";
     let output = studio(&lab, all, &python);
     let passed = "arm.toml a.csv --held-out b.csv c.csv --folder made --host ::1 --no-browser";
-    assert_eq!(text(&output.stdout), format!(": -m btr.studio {passed}\n"));
+    assert_eq!(text(&output.stdout), format!(": -m btr._studio {passed}\n"));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use btr_lab::python::Python;
 use std::process::Command;
 
 /// What must be there: the page's modules, and the server that it is shown by.
-const NEEDED: &str = "btr.studio, viser";
+const NEEDED: &str = "btr._studio, viser";
 
 pub(crate) fn run(args: &StudioArgs, global: &Global) -> Result<u8, Failure> {
     refuse_what_would_be_ignored(global)?;
@@ -16,7 +16,7 @@ pub(crate) fn run(args: &StudioArgs, global: &Global) -> Result<u8, Failure> {
         Failure::new("studio", message, Some(Python::remedy("studio").into()))
     })?;
     let mut command = python.command();
-    command.args(["-m", "btr.studio"]).arg(&args.model).args(&args.logs);
+    command.args(["-m", "btr._studio"]).arg(&args.model).args(&args.logs);
     if !args.held_out.is_empty() {
         command.arg("--held-out").args(&args.held_out);
     }

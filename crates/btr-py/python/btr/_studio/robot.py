@@ -10,8 +10,8 @@ from typing import Literal, Union
 from xml.etree import ElementTree
 
 from btr._inputs import wrong
+from btr._studio import meshes
 from btr.model import Model
-from btr.studio import meshes
 
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
