@@ -106,11 +106,8 @@ def replayed(model, effects, t, commands, start):
     return np.array(positions)
 
 
-def case(seed, folder):
-    rng = np.random.default_rng(seed)
-    text = nominal()
-    (folder / "robot.xml").write_text(text)
-    real, beside, said = planted(rng, text)
+def recorded(rng, real, beside):
+    """Three logs of the real arm."""
     logs = []
     for _ in range(3):
         t, commands = motion(rng)
@@ -118,11 +115,24 @@ def case(seed, folder):
         columns = {f"cmd_{j}": commands[:, k] for k, j in enumerate(JOINTS)}
         columns |= {f"q_{j}": positions[:, k] for k, j in enumerate(JOINTS)}
         logs.append(btr.Log(t, columns))
-    *learn, held_out = logs
+    return logs
+
+
+def identified(learn, held_out):
+    """What the nominal model lacks, and a fit with it that begins at what was found."""
     stated = (ROBOTS / "arm.toml").read_text().replace("position_quantum_rad = 0.0017453", "")
     model = btr.Model(stated, ROBOTS / "arm.toml")
     answer = btr.diagnose(model, learn, held_out=[held_out])
-    fitted = btr.fit(model, learn, held_out=[held_out], add=answer.names)
+    return answer, btr.fit(model, learn, held_out=[held_out], add=answer.names)
+
+
+def case(seed, folder):
+    rng = np.random.default_rng(seed)
+    text = nominal()
+    (folder / "robot.xml").write_text(text)
+    real, beside, said = planted(rng, text)
+    *learn, held_out = recorded(rng, real, beside)
+    answer, fitted = identified(learn, held_out)
     exported = fitted.model.export("mujoco", folder / "robot.xml")
     exported.save(folder / "fitted.xml")
 

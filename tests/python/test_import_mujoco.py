@@ -236,6 +236,11 @@ FLEX = (
     '<flexcomp type="grid" count="3 3 1" spacing=".1 .1 .1" name="cloth" dim="2" mass="1" pos="0 0 1">'
     '<edge equality="true"/></flexcomp>'
 )
+WELD = '<equality><weld name="weld" body1="bob"/></equality><actuator>'
+COMPOSITE = (
+    '<body pos="0 1 1"><composite type="cable" prefix="rope" count="5 1 1" curve="s" size="1"><joint kind="main"/>'
+    '<geom type="capsule" size="0.01"/></composite></body>'
+)
 FALSE = {
     "the equality `loop` (connect) closes a loop between `bob` and `world`": pendulum().replace("<actuator>", LOOP),
     "the model has flexes": pendulum(more=FLEX),
@@ -308,6 +313,9 @@ def test_the_command_new_makes_a_model_of_an_mjcf_file(tmp_path):
         (pendulum().replace("<joint ", "<jiont "), "MuJoCo does not compile it: "),
         ('<mujoco><asset><mesh name="m" file="gone.stl"/></asset></mujoco>', "gone.stl"),
         (FALSE["the model has several robots: `trunk`, `bob`"], "the model has several robots: `trunk`, `bob`"),
+        (pendulum().replace("<actuator>", WELD), "the equality `weld` (weld) closes a loop between `bob` and `world`"),
+        (pendulum(more=COMPOSITE), "unrecognized element Element 'composite', line"),
+        ("<mujoco><worldbody><body>", "MuJoCo does not compile it: "),
     ],
 )
 def test_the_command_new_has_a_clear_word_for_each_bad_model(tmp_path, xml, message):
@@ -315,6 +323,26 @@ def test_the_command_new_has_a_clear_word_for_each_bad_model(tmp_path, xml, mess
     code, told, error = command(tmp_path, "new", "robot.xml", "-o", "robot.toml")
     assert code == 2 and not told and message in error and "\nhelp: " in error and "Traceback" not in error
     assert not (tmp_path / "robot.toml").exists()
+
+
+def test_the_command_new_says_what_is_wrong_with_a_compiled_model(tmp_path):
+    (tmp_path / "robot.mjb").write_bytes(b"no model" * 100)
+    code, told, error = command(tmp_path, "new", "robot.mjb", "-o", "robot.toml")
+    assert code == 2 and not told and "Traceback" not in error and not (tmp_path / "robot.toml").exists()
+    assert error.startswith("error: robot.mjb: MuJoCo does not compile it: ")
+    assert error.endswith("loads it: save it again, or give the MJCF file\n")
+
+
+def test_the_command_new_shows_no_traceback_of_python(tmp_path):
+    (tmp_path / "robot.xml").write_text(pendulum())
+    failing = "import btr._mujoco.trees as t, sys; t.tree_of = lambda *_: 1 / 0; "
+    code = f"{failing}import btr._mujoco as m; m.tree_of = t.tree_of; from btr._mujoco.__main__ import main; main()"
+    run = subprocess.run(
+        [sys.executable, "-c", code, "robot.xml"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    message = json.loads(run.stdout)["error"]["message"]
+    assert message == "robot.xml: it cannot be read as a MuJoCo model: ZeroDivisionError: division by zero"
+    assert not run.stderr
 
 
 XACRO = """
@@ -335,3 +363,7 @@ def test_the_command_new_expands_xacro(tmp_path):
     (tmp_path / "bad.xacro").write_text(XACRO.replace("${m}", "${n}"))
     code, _, told = command(tmp_path, "new", "bad.xacro", "-o", "bad.toml")
     assert code == 2 and "bad.xacro: xacro cannot expand it: error: name 'n' is not defined" in told
+    assert "\nhelp: expand it where its packages are known" in told and not (tmp_path / "bad.toml").exists()
+    (tmp_path / "found.xacro").write_text(XACRO.replace("<link name=\"world\"/>", '<link name="$(find arm)"/>'))
+    code, _, told = command(tmp_path, "new", "found.xacro", "-o", "found.toml")
+    assert code == 2 and "found.xacro: xacro cannot expand it: " in told and "Traceback" not in told

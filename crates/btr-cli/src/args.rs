@@ -227,7 +227,7 @@ pub(crate) struct SimulateArgs {
 pub(crate) struct NewArgs {
     /// The robot: .urdf, .xacro, or .xml (URDF or MJCF)
     pub(crate) robot: PathBuf,
-    /// Logs of the robot (CSV or MCAP), whose columns become its channels; the first one stands for all
+    /// Logs of the robot (CSV or MCAP), whose columns become its channels
     #[arg(value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     /// Where to write the model; the URDF of a xacro file or MuJoCo model is written beside it
@@ -239,6 +239,9 @@ pub(crate) struct NewArgs {
     /// The first body of the robot in a MuJoCo scene with several
     #[arg(long, value_name = "BODY")]
     pub(crate) root: Option<String>,
+    /// A folder with the packages of a URDF's meshes (package://NAME/...); as often as needed
+    #[arg(long = "package-path", value_name = "DIR")]
+    pub(crate) package_paths: Vec<PathBuf>,
     /// Overwrite an existing model
     #[arg(long)]
     pub(crate) overwrite: bool,

@@ -29,6 +29,12 @@ pub const MOST_LOGS: usize = 10_000;
 /// Links of a robot.
 pub const MOST_LINKS: usize = 500;
 
+/// Bytes of a mesh's file: two and a half million triangles.
+pub const LARGEST_MESH: u64 = 1 << 27;
+
+/// Meshes of a robot.
+pub const MOST_MESHES: usize = 10_000;
+
 /// Elements of an XML file inside each other.
 pub const DEEPEST_XML: usize = 100;
 

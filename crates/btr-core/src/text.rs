@@ -276,6 +276,7 @@ mod tests {
             "read it in Python: btr.load_log",
             "give the output another name",
             "write `-` to read the standard input",
+            "write it: btr fit MODEL LOG... -o fitted.toml --json > fit.json",
             "`btr new arm.urdf -o model.toml` writes a model file to start from",
         ];
         assert_eq!(worded, expected);

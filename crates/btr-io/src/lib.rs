@@ -52,7 +52,7 @@ pub use error::{IoError, Warning};
 #[cfg(feature = "mcap")]
 pub use mcap::Recording;
 pub use meta::Meta;
-pub use regular::{read_text, read_text_from};
+pub use regular::{read_beginning, read_bytes, read_text, read_text_from};
 pub use stream::read_stream;
 
 use btr_core::log::Log;

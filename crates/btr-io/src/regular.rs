@@ -38,6 +38,29 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     read_text_from(open(path)?)
 }
 
+/// Reads a file of at most so many bytes as a whole.
+///
+/// # Errors
+/// A file that does not exist, is no regular file, or is larger.
+pub fn read_bytes(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let bytes = read_beginning(path, most + 1)?;
+    if bytes.len() as u64 > most {
+        let what = format!("larger than {} MB, the most that is read", most >> 20);
+        return Err(io::Error::new(ErrorKind::FileTooLarge, what));
+    }
+    Ok(bytes)
+}
+
+/// Reads at most so many bytes from the beginning of a file.
+///
+/// # Errors
+/// A file that does not exist or is no regular file.
+pub fn read_beginning(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open(path)?.take(most).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
 /// Reads a text as a whole, from where it comes.
 ///
 /// # Errors

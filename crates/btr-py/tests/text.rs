@@ -29,6 +29,7 @@ fn every_mention_has_its_name_in_python() {
         "give what btr.load_log makes of it",
         "give it another name, or write with overwrite=True what may be lost",
         "save what a pipe gives to a file first",
+        "give the posterior of the fit that the model is from",
         "`python -m btr new arm.urdf -o model.toml` writes a model file to start from",
     ];
     assert_eq!(worded, expected);

@@ -48,6 +48,7 @@ pub const TARGETS: &[Target] = &[
     Target { name: "lerobot", run: targets::logs::lerobot, few: 1000 },
     Target { name: "model", run: targets::models::model, few: 1000 },
     Target { name: "urdf", run: targets::models::urdf, few: 1000 },
+    Target { name: "mesh", run: targets::models::mesh, few: 1000 },
     Target { name: "formula", run: targets::models::formula, few: 3000 },
     Target { name: "checkpoint", run: targets::runs::checkpoint, few: 1000 },
     Target { name: "real_test", run: targets::runs::real_test, few: 1000 },

@@ -16,6 +16,9 @@ pub(crate) fn run(args: &SimulateArgs, global: &Global) -> Result<u8, Failure> {
     let overwrite = if args.overwrite { Overwrite::Measurements } else { Overwrite::Commands };
     let log = OutputKind::Log(overwrite).at(Some(&args.output));
     guard(log, inputs(&source, args.log.iter().chain(&args.drive).cloned()))?;
+    if !global.quiet {
+        experiment::mesh_warnings(&source)?.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    }
     let model = match (&args.log, &args.drive) {
         (Some(log), _) => experiment::model_replaying(&source, common::log_at(log))?,
         (None, Some(drive)) => experiment::model_driven_by(&source, &Source::read(drive)?)?,

@@ -49,12 +49,53 @@ fn what_a_urdf_states_counts() {
         "max_torque = 7.0",
         "\"damping@hinge\" = { bounds = [0.0, 1.2], value = 0.4 }",
         "\"friction@hinge\" = { bounds = [0.0, 0.9], value = 0.3 }",
-        "# not represented: link `bob`: the mesh `package://gone/bob.stl` is ignored; only primitives have contacts",
+        "# not represented: link `bob`: contacts of the mesh `package://gone/bob.stl`; only primitives have contacts",
+        "# warning: lift.urdf:1: link `bob`: the mesh `package://gone/bob.stl` is not found: name the folder with the \
+         package `gone` in package_paths of [robot]",
+        "package_paths = []",
         "base = \"fixed\"\n",
     ] {
         assert!(model.contains(line), "{line} is not in\n{model}");
     }
     assert!(told.contains("not represented: link `bob`"), "{told}");
+    assert!(told.contains("help: --package-path DIR names a folder with packages"), "{told}");
+}
+
+#[test]
+fn what_logs_lack_is_told_of_each() {
+    let lab = lab(&[], |_, x| x);
+    let part = |to: &str, gone: &[&str]| {
+        let names: Vec<String> = lab.read("log.csv").lines().next().unwrap().split(',').map(str::to_owned).collect();
+        lab.edit("log.csv", to, |_, cells| {
+            let mut kept = names.iter().map(|name| !gone.contains(&name.as_str()));
+            cells.retain(|_| kept.next().unwrap());
+            true
+        });
+    };
+    part("no_elbow.csv", &["q_elbow", "cmd_elbow"]);
+    part("no_yaw.csv", &["q_yaw"]);
+    let told = lab.ok("new arm.urdf no_elbow.csv log.csv no_yaw.csv -o arm.toml");
+    assert!(told.contains("warning: no_elbow.csv lacks the columns cmd_elbow, q_elbow\n"), "{told}");
+    assert!(told.contains("warning: no_yaw.csv lacks the columns q_yaw\n"), "{told}");
+    assert!(!told.contains("warning: log.csv") && !told.contains("has columns of"), "{told}");
+    // What the first log lacks is found in the others: in degrees, as all of their positions.
+    lab.edit("log.csv", "degrees.csv", |row, cells| {
+        for cell in cells.iter_mut().skip(1).filter(|_| row > 0) {
+            *cell = cell.parse::<f64>().unwrap().to_degrees().to_string();
+        }
+        cells.iter_mut().filter(|_| row == 0).for_each(|name| *name = name.replace("q_", "position "));
+        true
+    });
+    lab.edit("degrees.csv", "first.csv", |_, cells| {
+        cells.truncate(cells.len() - 1);
+        true
+    });
+    let told = lab.ok("new arm.urdf first.csv degrees.csv -o both.toml");
+    assert!(told.contains("warning: first.csv lacks the columns position elbow"), "{told}");
+    assert!(lab.read("both.toml").contains("q_elbow = { column = \"position elbow\", factor = 0.0174532"));
+    lab.write("other.csv", "t,a\n0,1\n1,2\n");
+    let told = lab.complaint("new arm.urdf log.csv other.csv -o other.toml");
+    assert!(told.starts_with("error: other.csv: none of its columns (t, a) is one of the joints"), "{told}");
 }
 
 #[test]

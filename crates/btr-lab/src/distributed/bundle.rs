@@ -46,7 +46,7 @@ impl Bundle {
         each_named_file(&mut document, |key, value| {
             let Some(path) = value.as_str().map(|path| source.folder().join(path)) else { return };
             let episode = path.to_string_lossy().contains('#') && !path.is_file();
-            if key == "index" || episode || path.is_dir() {
+            if key == "index" || key == "package_paths" || episode || path.is_dir() {
                 *value = std::path::absolute(&path).unwrap_or(path).to_string_lossy().into_owned().into();
                 return;
             }

@@ -66,7 +66,8 @@ impl Experiment {
             None => file.reality.clone().ok_or_else(|| missing(&source, "reality"))?,
         };
         let situations = builder.situations(&section)?;
-        let (recorded, warnings) = (situations.logs.clone(), situations.warnings.clone());
+        let recorded = situations.logs.clone();
+        let warnings = [builder.robot_with_warnings()?.1, situations.warnings.clone()].concat();
         let model = Arc::new(builder.model(situations)?);
         builder.check_plan(&plan, &section, &model, &recorded)?;
         let reality = match &robot {

@@ -19,7 +19,7 @@ pub use loaded::Experiment;
 pub use logs::batch::{DamagedLogs, LeftOutLog};
 pub use logs::source::{LogSource, ReadLog, Recordings};
 pub use logs::start::starts;
-pub use models::{model, model_driven_by, model_replaying, simulations};
+pub use models::{mesh_warnings, model, model_driven_by, model_replaying, simulations};
 pub(crate) use replays::LogPlace;
 pub use replays::{CheckedLog, Replays, replays, replays_of};
 pub use source::{FileError, Source};

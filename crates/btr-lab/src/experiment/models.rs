@@ -19,6 +19,15 @@ pub fn model(source: &Source) -> Result<Model, FileError> {
     Builder::new(&file, source).model(ScenarioSet::single(file.simulation.duration_s))
 }
 
+/// What is not known of the meshes of a file's robot, in words.
+///
+/// # Errors
+/// An invalid file, at its line.
+pub fn mesh_warnings(source: &Source) -> Result<Vec<String>, FileError> {
+    let file = source.parse()?;
+    Builder::new(&file, source).robot_with_warnings().map(|(_, warnings)| warnings)
+}
+
 /// The model of a file with the `[drive]` of another file.
 ///
 /// # Errors

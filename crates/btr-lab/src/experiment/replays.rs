@@ -98,7 +98,7 @@ where
     let (learn, held_out) = (given(learn), given(held_out));
     let file = source.parse()?;
     let builder = Builder::new(&file, source);
-    let robot = builder.robot()?;
+    let (robot, mut warnings) = builder.robot_with_warnings()?;
     if let Some(both) = learn.iter().find(|log| held_out.iter().any(|other| other.path() == log.path())) {
         let message = format!("{} is both a training log and held out", both.path().display());
         return Err(source.error(&[], &message, None));
@@ -115,7 +115,8 @@ where
     let batch = BatchReader { reader, index: IndexEntries::of(&file, source)?, noise: builder.noise(), damaged };
     let LogBatch { set, recordings, scenarios, declared, left_out } = batch.read(&learn, &held_out)?;
     check_separate(&recordings, source)?;
-    let (mut logs, warnings) = (set.logs.clone(), set.warnings.clone());
+    let mut logs = set.logs.clone();
+    warnings.extend(set.warnings.iter().cloned());
     let mut model = builder.model(set)?;
     // Smoothed torques do not show their noise any more.
     let sensors: Vec<_> = recordings.learn.iter().map(|read| &read.torque_noise).collect();

@@ -15,5 +15,5 @@ pub use add_law::{OwnLaw, OwnNumber, add_law};
 pub use enlarged::enlarges;
 pub(crate) use parameters_of::with_parameters_of;
 pub(crate) use paths::each_named_file;
-pub use paths::{moved, named_files};
+pub use paths::{moved, named_files, relative_path};
 pub(crate) use rigid_bodies::{StatedBody, with_bodies};

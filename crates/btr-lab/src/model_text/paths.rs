@@ -7,9 +7,10 @@ use toml_edit::{DocumentMut, TomlError, Value};
 /// Prefix of the line that names the schema for editors; only the first line counts.
 const SCHEMA: &str = "#:schema";
 
-/// Keys with paths relative to the file's folder: one path, or a list.
-const NAMES_FILES: [(&str, &str); 6] = [
+/// Keys with paths relative to the file's folder: one path, or a list. Those of `package_paths` are of folders.
+const NAMES_FILES: [(&str, &str); 7] = [
     ("robot", "urdf"),
+    ("robot", "package_paths"),
     ("logs", "index"),
     ("drive", "log"),
     ("reality", "index"),
@@ -72,16 +73,21 @@ pub(crate) fn each_named_file(document: &mut DocumentMut, mut visit: impl FnMut(
     }
 }
 
-/// The relative path from a folder to a file; absolute if the two have only the root in common.
-fn relative_path(from: &Path, file: &Path) -> PathBuf {
-    let (from, folder) = (real(from), real(file.parent().unwrap_or(file)));
-    let name = file.file_name().unwrap_or_default();
-    let common = from.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+/// The relative path from a folder to a file or folder; absolute if the two have only the root in common.
+pub fn relative_path(from: &Path, file: &Path) -> PathBuf {
+    let from = real(from);
+    // A path that ends in `..` has no name.
+    let file = match file.file_name() {
+        Some(name) => real(file.parent().unwrap_or(file)).join(name),
+        None => real(file),
+    };
+    let common = from.components().zip(file.components()).take_while(|(a, b)| a == b).count();
     if common <= 1 {
-        return folder.join(name);
+        return file;
     }
     let up = from.components().skip(common).map(|_| Component::ParentDir);
-    up.chain(folder.components().skip(common)).collect::<PathBuf>().join(name)
+    let path: PathBuf = up.chain(file.components().skip(common)).collect();
+    if path.as_os_str().is_empty() { ".".into() } else { path }
 }
 
 /// The canonical path of a folder; the absolute path as written if the folder does not exist yet.
@@ -109,6 +115,19 @@ mod tests {
         assert_eq!(moved(text), "#:schema ../../btr.schema.json\nname = \"arm\"\n");
         let remote = "#:schema https://example.org/btr.json\nname = \"arm\"\n";
         assert_eq!(moved(remote), remote);
+    }
+
+    #[test]
+    fn moving_a_file_rewrites_its_folders_of_packages() {
+        let moved = |folders: &str, into: &str| {
+            let text = format!("[robot]\npackage_paths = {folders}\n");
+            moved(&text, Path::new("/lab/robots"), Path::new(into)).unwrap().replace("[robot]\npackage_paths = ", "")
+        };
+        assert_eq!(
+            moved("[\".\", \"..\", \"../ros\"]", "/lab/runs"),
+            "[\"../robots\", \"../robots/..\", \"../robots/../ros\"]\n"
+        );
+        assert_eq!(moved("[\".\", \"/opt/ros\"]", "/lab/robots"), "[\".\", \"/opt/ros\"]\n");
     }
 
     #[test]

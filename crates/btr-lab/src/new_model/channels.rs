@@ -48,7 +48,7 @@ impl Writer<'_> {
         let measured = |i: usize| self.columns.columns.iter().any(|column| column.joint == i);
         let without: Vec<&str> = (0..joints.len()).filter(|i| !measured(*i)).map(|i| joints[i].as_str()).collect();
         if !without.is_empty() && !self.columns.columns.is_empty() {
-            let told = format!("the log has no columns of {}", without.join(", "));
+            let told = format!("no log has columns of {}", without.join(", "));
             self.told.push(told);
         }
     }

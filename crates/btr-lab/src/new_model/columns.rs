@@ -7,6 +7,7 @@ use crate::failure::Failure;
 use btr_core::log::Log;
 use btr_io::{ForeignName, IoError, Mapping, TimeUnit};
 use btr_physics::robot::Robot;
+use indexmap::IndexSet;
 use std::path::{Path, PathBuf};
 
 /// Names of time columns that need no mapping.
@@ -24,33 +25,52 @@ pub struct LogColumns {
     pub(super) unmatched: Vec<String>,
     /// Guesses, in words.
     pub(super) told: Vec<String>,
+    /// What single logs lack, in words.
+    pub(super) lacking: Vec<String>,
+}
+
+/// A log, and what its columns are called.
+struct NamedLog<'a> {
+    path: &'a Path,
+    names: Vec<String>,
 }
 
 impl LogColumns {
-    /// The columns of the first of the logs, which stand for all: logs of one robot have the same columns.
+    /// The columns of all logs. Units are those of the log that has most of the columns.
     ///
     /// # Errors
     /// A log that cannot be read; one in which no joint is found.
     pub fn matched(logs: &[PathBuf], robot: &Robot) -> Result<Self, Failure> {
-        let Some(path) = logs.first() else { return Ok(LogColumns::default()) };
-        let names = match btr_io::column_names(path).map_err(unreadable)? {
-            Some(names) => names,
-            None => {
-                let (log, _) = btr_io::read_log(path, &Mapping::default()).map_err(unreadable)?;
-                log.channels().map(|(name, _)| name.to_owned()).collect()
+        let logs = logs.iter().map(|path| NamedLog::read(path)).collect::<Result<Vec<_>, _>>()?;
+        let Some(first) = logs.first() else { return Ok(LogColumns::default()) };
+        for log in &logs {
+            let mut alone = LogColumns { time: time_of(&log.names), ..LogColumns::default() };
+            alone.match_names(&log.names, robot);
+            if alone.columns.is_empty() {
+                return Err(nothing_found(log.path, &log.names, robot));
             }
-        };
-        let mut found = LogColumns { time: time_of(&names), ..LogColumns::default() };
-        found.match_names(&names, robot);
-        if found.columns.is_empty() {
-            return Err(nothing_found(path, &names, robot));
         }
-        let log = found.read(path)?;
+        let all: IndexSet<&String> = logs.iter().flat_map(|log| &log.names).collect();
+        let all: Vec<String> = all.into_iter().cloned().collect();
+        let mut found = LogColumns { time: time_of(&first.names), ..LogColumns::default() };
+        found.match_names(&all, robot);
+        found.lacking = logs.iter().filter_map(|log| found.lacking_in(log)).collect();
+        let has = |log: &NamedLog| found.columns.iter().filter(|column| log.names.contains(&column.name)).count();
+        // The first of those with most.
+        let fullest = logs.iter().rev().max_by_key(|log| has(log)).unwrap_or(first);
+        let log = found.read(fullest)?;
         if let Some(unit) = found.time_unit {
             found.told.push(format!("the clock counts {}, by its steps", unit.name()));
         }
         found.told.extend(units::guess(&mut found.columns, &log, robot));
         Ok(found)
+    }
+
+    /// What a log lacks of the columns, in words.
+    fn lacking_in(&self, log: &NamedLog) -> Option<String> {
+        let used = self.columns.iter().map(|column| &column.name).chain(&self.time);
+        let lacking: Vec<&str> = used.filter(|name| !log.names.contains(name)).map(String::as_str).collect();
+        (!lacking.is_empty()).then(|| format!("{} lacks the columns {}", log.path.display(), lacking.join(", ")))
     }
 
     /// Whether there is a column of this kind.
@@ -64,11 +84,12 @@ impl LogColumns {
     }
 
     /// The log with its raw numbers, each column under its own number: `x0`, `x1`, ...
-    fn read(&mut self, path: &Path) -> Result<Log, Failure> {
+    fn read(&mut self, NamedLog { path, names }: &NamedLog) -> Result<Log, Failure> {
         let raw = |(i, column): (usize, &Column)| {
             (format!("x{i}"), ForeignName::Scaled { column: column.name.clone(), factor: 1.0 })
         };
-        let channels = self.columns.iter().enumerate().map(raw).collect();
+        let channels =
+            self.columns.iter().enumerate().filter(|(_, column)| names.contains(&column.name)).map(raw).collect();
         let mut mapping = Mapping { time: self.time.clone(), channels, ..Mapping::default() };
         let read = |mapping: &Mapping| btr_io::read_log(path, mapping).map(|(log, _)| log).map_err(unreadable);
         let log = read(&mapping)?;
@@ -117,6 +138,19 @@ impl LogColumns {
             let pairs: Vec<String> = names().zip(joints).map(|(name, joint)| format!("{name} = {joint}")).collect();
             self.told.push(format!("columns are taken in the order of the joints: {}", pairs.join(", ")));
         }
+    }
+}
+
+impl<'a> NamedLog<'a> {
+    fn read(path: &'a Path) -> Result<Self, Failure> {
+        let names = match btr_io::column_names(path).map_err(unreadable)? {
+            Some(names) => names,
+            None => {
+                let (log, _) = btr_io::read_log(path, &Mapping::default()).map_err(unreadable)?;
+                log.channels().map(|(name, _)| name.to_owned()).collect()
+            }
+        };
+        Ok(NamedLog { path, names })
     }
 }
 

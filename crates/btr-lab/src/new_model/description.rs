@@ -28,6 +28,9 @@ pub struct RobotDescription {
     pub joints: IndexMap<String, JointFacts>,
     /// What the robot's file states and btr cannot represent, in words.
     pub not_represented: Vec<String>,
+    /// What is not known of its meshes, in words.
+    #[serde(default)]
+    pub warnings: Vec<String>,
 }
 
 /// What is known of one joint besides what the URDF states.

@@ -12,8 +12,13 @@ use btr_physics::robot::{Base, Joint, Robot};
 
 /// Where a model's URDF is.
 pub enum UrdfPlace {
-    /// In a file of this name, relative to the model's folder.
-    File(String),
+    /// In a file.
+    File {
+        /// Its path, relative to the model's folder.
+        urdf: String,
+        /// Folders with the packages of its meshes, if it names some.
+        package_paths: Option<Vec<String>>,
+    },
     /// In the model file itself.
     Inside,
 }
@@ -24,12 +29,14 @@ pub struct Draft {
     pub text: String,
     /// What was guessed, in words.
     pub told: Vec<String>,
+    /// What the robot's file or the logs lack, in words.
+    pub warnings: Vec<String>,
 }
 
 /// Writes a model file. `base` is that of the user; without it the robot's own, or a guess.
 ///
 /// # Errors
-/// A description whose URDF is invalid.
+/// A description whose URDF is invalid, or of a robot that cannot move.
 pub fn written(
     robot: &RobotDescription,
     columns: &LogColumns,
@@ -39,6 +46,11 @@ pub fn written(
     let (built, _) = parse_urdf(&robot.urdf, Base::Fixed).map_err(|e| Failure::new("robot", e.to_string(), None))?;
     let held = base.or(robot.base).unwrap_or_else(|| guessed_base(&built));
     let built = Robot { base: held, ..built };
+    if held == Base::Fixed && built.movable().count() == 0 {
+        let help =
+            "give a robot with a revolute, continuous or prismatic joint; what moves as a whole has a floating base";
+        return Err(Failure::new("robot", format!("{}: no joint of it moves", robot.made_from), Some(help.into())));
+    }
     let mut writer = Writer { robot, columns, built, text: String::new(), told: columns.told.clone() };
     writer.head();
     writer.robot_section(held, base.is_some(), place);
@@ -47,7 +59,8 @@ pub fn written(
     writer.effects();
     writer.channels();
     writer.parameters();
-    Ok(Draft { text: writer.text, told: writer.told })
+    let warnings = robot.warnings.iter().chain(&columns.lacking).cloned().collect();
+    Ok(Draft { text: writer.text, told: writer.told, warnings })
 }
 
 pub(super) struct Writer<'a> {
@@ -73,13 +86,22 @@ impl Writer<'_> {
         for what in &self.robot.not_represented {
             self.line(&format!("# not represented: {}", what.replace('\n', " ")));
         }
+        for what in &self.robot.warnings {
+            self.line(&format!("# warning: {}", what.replace('\n', " ")));
+        }
     }
 
     fn robot_section(&mut self, held: Base, stated: bool, place: &UrdfPlace) {
         self.line("\n[robot]");
-        match place {
-            UrdfPlace::File(path) => self.line(&format!("urdf = {}", quoted(path))),
-            UrdfPlace::Inside => {}
+        if let UrdfPlace::File { urdf, package_paths } = place {
+            self.line(&format!("urdf = {}", quoted(urdf)));
+            if let Some(folders) = package_paths {
+                let folders: Vec<String> = folders.iter().map(|folder| quoted(folder)).collect();
+                self.line(&format!(
+                    "package_paths = [{}]  # folders with the packages of its meshes",
+                    folders.join(", ")
+                ));
+            }
         }
         let word = if held == Base::Fixed { "fixed" } else { "floating" };
         if stated || self.robot.base.is_some() {

@@ -92,6 +92,7 @@ fn arm() -> Robot {
             com_m: Point3::new(0.01, 0.0, 0.5 * length_m),
             inertia_kg_m2: Matrix3::from_diagonal(&Vector3::new(0.002, 0.002, 0.0004)),
             shapes: Vec::new(),
+            mesh_boxes: vec![],
             foot: false,
         }
     };

@@ -91,6 +91,7 @@ fn trunk() -> Link {
         com_m: Point3::origin(),
         inertia_kg_m2: geometry.inertia_kg_m2(0.6),
         shapes: vec![Shape { pose: Isometry3::identity(), geometry }],
+        mesh_boxes: vec![],
         foot: false,
     }
 }
@@ -109,6 +110,7 @@ fn add_leg(links: &mut Vec<Link>, leg: &LegPlacement) {
         com_m: Point3::origin(),
         inertia_kg_m2: Matrix3::from_diagonal_element(0.4 * 0.02 * RADIUS_M * RADIUS_M),
         shapes: Vec::new(),
+        mesh_boxes: vec![],
         foot: false,
     };
     links.push(coxa);
@@ -140,6 +142,7 @@ fn segment(name: String, parent: usize, joint: Joint, mass_kg: f64, length_m: f6
             pose: Isometry3::from_parts(Translation3::new(length_m / 2.0, 0.0, 0.0), along_x),
             geometry,
         }],
+        mesh_boxes: vec![],
         foot: false,
     }
 }

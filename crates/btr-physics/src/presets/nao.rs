@@ -156,6 +156,7 @@ fn link(body: &TableBody, bodies: &[TableBody]) -> Link {
         com_m: Point3::from(com),
         inertia_kg_m2: geometry.inertia_kg_m2(body.mass_kg),
         shapes: if touches { vec![Shape { pose: Isometry3::translation_from(com), geometry }] } else { Vec::new() },
+        mesh_boxes: vec![],
         foot: body.name.ends_with("AnkleRoll"),
     }
 }

@@ -14,6 +14,7 @@ pub fn pendulum(mass_kg: f64, length_m: f64, actuator: Actuator) -> Robot {
         com_m: Point3::origin(),
         inertia_kg_m2: Matrix3::identity(),
         shapes: Vec::new(),
+        mesh_boxes: vec![],
         foot: false,
     };
     let bob = Link {

@@ -54,6 +54,9 @@ pub struct Link {
     pub inertia_kg_m2: Matrix3<f64>,
     /// Contact shapes, in the link's frame; empty for a link without contact.
     pub shapes: Vec<Shape>,
+    /// Boxes around its meshes, in the link's frame, where they are known: they are drawn and say where the link ends,
+    /// and touch nothing.
+    pub mesh_boxes: Vec<Shape>,
     /// Whether its contact force is a sensor (`foot_<link>_*`).
     pub foot: bool,
 }

@@ -1,7 +1,7 @@
 //! Scaling of a link along its long axis.
 
 use super::{Geometry, Link, Robot, Shape};
-use nalgebra::{Matrix3, Unit, Vector3};
+use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
 /// A shape counts as lying along the axis when the cosine between them is above this.
 const ALIGNED: f64 = 0.99;
@@ -15,6 +15,19 @@ pub(crate) fn long_axis(robot: &Robot, link: usize) -> Option<Unit<Vector3<f64>>
 /// The end of a link, in its frame: the farthest joint that it carries, or else twice as far as its centre of mass.
 pub(crate) fn end(robot: &Robot, link: usize) -> Vector3<f64> {
     farthest_joint(robot, link).unwrap_or(2.0 * robot.links[link].com_m.coords)
+}
+
+/// Where a tool is held, in the link's frame: the farthest face of the box around the link's meshes, or else its end.
+pub(crate) fn tip(robot: &Robot, link: usize) -> Vector3<f64> {
+    let boxes = &robot.links[link].mesh_boxes;
+    boxes.iter().flat_map(face_centres).max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or_else(|| end(robot, link))
+}
+
+/// The centres of the six faces of a box, in the link's frame; none of another shape.
+fn face_centres(shape: &Shape) -> Vec<Vector3<f64>> {
+    let Geometry::Box { half_m } = shape.geometry else { return Vec::new() };
+    let face = |axis: usize, side: f64| shape.pose * Point3::from(Vector3::ith(axis, side * half_m[axis]));
+    (0..3).flat_map(|axis| [face(axis, 1.0).coords, face(axis, -1.0).coords]).collect()
 }
 
 impl Robot {
@@ -42,11 +55,11 @@ pub(crate) fn stretch(robot: &mut Robot, link: usize, factor: f64) {
         let origin = &mut child.joint.origin.translation.vector;
         *origin = stretched(origin);
     }
-    let Link { mass_kg, com_m, inertia_kg_m2, shapes, .. } = &mut robot.links[link];
+    let Link { mass_kg, com_m, inertia_kg_m2, shapes, mesh_boxes, .. } = &mut robot.links[link];
     *mass_kg *= factor;
     com_m.coords = stretched(&com_m.coords);
     *inertia_kg_m2 = stretched_inertia(inertia_kg_m2, &axis, factor);
-    for shape in shapes {
+    for shape in shapes.iter_mut().chain(mesh_boxes) {
         let at = &mut shape.pose.translation.vector;
         *at = stretched(at);
         stretch_shape(shape, &axis, factor);
@@ -77,5 +90,23 @@ fn stretch_shape(shape: &mut Shape, axis: &Vector3<f64>, factor: f64) {
                 *half_length_m *= factor;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{end, tip};
+    use crate::presets::pendulum::pendulum;
+    use crate::robot::{Actuator, Geometry, Shape};
+    use nalgebra::{Isometry3, Vector3};
+
+    #[test]
+    fn a_tool_is_held_where_the_meshes_end() {
+        let mut robot = pendulum(1.0, 0.5, Actuator::Passive);
+        assert_eq!(tip(&robot, 1), end(&robot, 1));
+        let geometry = Geometry::Box { half_m: Vector3::new(0.1, 0.2, 0.3) };
+        robot.links[1].mesh_boxes.push(Shape { pose: Isometry3::translation(0.0, 0.0, -0.5), geometry });
+        assert_eq!(tip(&robot, 1), Vector3::new(0.0, 0.0, -0.8));
+        assert_ne!(end(&robot, 1), tip(&robot, 1), "laws keep their place");
     }
 }

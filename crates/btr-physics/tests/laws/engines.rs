@@ -19,6 +19,7 @@ pub(crate) fn link(name: &str, parent: Option<usize>, joint: Joint, mass_kg: f64
         com_m: com.into(),
         inertia_kg_m2,
         shapes: vec![],
+        mesh_boxes: vec![],
         foot: false,
     }
 }

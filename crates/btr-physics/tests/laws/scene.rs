@@ -80,6 +80,7 @@ pub(crate) fn arm() -> Robot {
             com_m: Point3::new(0.01, 0.0, 0.5 * length_m),
             inertia_kg_m2: Geometry::Box { half_m }.inertia_kg_m2(mass_kg),
             shapes: vec![],
+            mesh_boxes: vec![],
             foot: false,
         }
     };
@@ -104,6 +105,7 @@ pub(crate) fn brick(half_m: Vector3<f64>, mass_kg: f64, offset_m: Vector3<f64>) 
         com_m: Point3::from(offset_m),
         inertia_kg_m2: geometry.inertia_kg_m2(mass_kg),
         shapes: vec![Shape { pose: Isometry3::translation(offset_m.x, offset_m.y, offset_m.z), geometry }],
+        mesh_boxes: vec![],
         foot: true,
     };
     Robot { name: "brick".to_owned(), base: Base::Floating, start: Isometry3::identity(), links: vec![link] }

@@ -4,6 +4,7 @@ use super::{FEW_STEPS, refused, simulated};
 use crate::files;
 use crate::folder::Folder;
 use btr_lab::experiment::{Experiment, FileError, Source, model as model_of, replays};
+use btr_lab::meshes::check as check_mesh;
 use btr_lab::verbs::check;
 use btr_physics::drive::Hold;
 use btr_physics::effects::{FormulaTarget, PlacedEffect, formula as formula_of};
@@ -52,6 +53,12 @@ pub fn urdf(data: &[u8]) -> bool {
         }
         Err(error) => error.to_string().is_empty(),
     })
+}
+
+/// A mesh: its kind (the first byte), then its file.
+pub fn mesh(data: &[u8]) -> bool {
+    let Some((kind, bytes)) = data.split_first() else { return false };
+    check_mesh(["stl", "obj", "dae"][usize::from(*kind) % 3], bytes).inspect_err(|why| assert!(!why.is_empty())).is_ok()
 }
 
 /// A formula: what it acts on (the first byte), then its text.

@@ -3,11 +3,12 @@
 use crate::args::{Global, NewArgs};
 use crate::cmd::common;
 use crate::exit::DONE;
+use btr_core::text::Text;
 use btr_lab::experiment;
 use btr_lab::experiment::Source;
 use btr_lab::failure::Failure;
-use btr_lab::model_text::moved;
-use btr_lab::new_model::{LogColumns, RobotFile, UrdfPlace, written};
+use btr_lab::model_text::{moved, relative_path};
+use btr_lab::new_model::{Draft, LogColumns, RobotFile, UrdfPlace, written};
 use btr_lab::output::{OutputKind, guard};
 use btr_lab::verbs::AddError;
 use btr_physics::robot::Base;
@@ -18,26 +19,20 @@ pub(crate) fn run(args: &NewArgs, global: &Global) -> Result<u8, Failure> {
     let urdf_file = args.output.with_extension("urdf");
     guard(OutputKind::Model.at(Some(&args.output)), std::iter::once(args.robot.clone()).chain(args.logs.clone()))?;
     keep(&args.output, args)?;
-    let file = RobotFile::read(&args.robot, args.root.as_deref())?;
+    if let Some(gone) = args.package_paths.iter().find(|folder| !folder.is_dir()) {
+        return Err(Failure::usage(format!("{}: there is no such folder", gone.display())));
+    }
+    let file = RobotFile::read(&args.robot, args.root.as_deref(), &args.package_paths)?;
     if !file.is_urdf {
         keep(&urdf_file, args)?;
     }
-    let base = args.base.as_deref().map(|word| if word == "fixed" { Base::Fixed } else { Base::Floating });
-    let (robot, _) = parse_urdf(&file.robot.urdf, Base::Fixed)
-        .map_err(|e| Failure::new("robot", format!("{}: {e}", args.robot.display()), None))?;
-    let columns = LogColumns::matched(&args.logs, &robot)?;
     let named = if file.is_urdf { &args.robot } else { &urdf_file };
-    let name = named.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let draft = written(&file.robot, &columns, base, &UrdfPlace::File(name))?;
-    let (from, into) = (folder(named), folder(&args.output));
-    let text = moved(&draft.text, from, into).map_err(AddError::from)?;
+    let draft = drafted(args, &file, named)?;
     if !file.is_urdf {
         common::write_text(&urdf_file, &file.robot.urdf)?;
     }
-    common::write_text(&args.output, &text)?;
-    // Whether btr itself can read what it wrote.
-    experiment::model(&Source::read(&args.output)?)?;
-    tell(args, global, &file, &draft.told, &urdf_file);
+    common::write_text(&args.output, &draft.text)?;
+    tell(args, global, &file, &draft, named);
     Ok(DONE)
 }
 
@@ -50,22 +45,53 @@ fn keep(path: &Path, args: &NewArgs) -> Result<(), Failure> {
     Ok(())
 }
 
+/// The model file, whose URDF is in a file. btr can read it: nothing else is written.
+fn drafted(args: &NewArgs, file: &RobotFile, urdf: &Path) -> Result<Draft, Failure> {
+    let base = args.base.as_deref().map(|word| if word == "fixed" { Base::Fixed } else { Base::Floating });
+    let (robot, _) = parse_urdf(&file.robot.urdf, Base::Fixed)
+        .map_err(|e| Failure::new("robot", format!("{}: {e}", args.robot.display()), e.help().map(Into::into)))?;
+    let columns = LogColumns::matched(&args.logs, &robot)?;
+    let (from, into) = (folder(urdf), folder(&args.output));
+    let package_paths = file.package_paths.as_ref().map(|folders| {
+        folders.iter().map(|folder| relative_path(from, folder).to_string_lossy().into_owned()).collect()
+    });
+    let name = urdf.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let draft = written(&file.robot, &columns, base, &UrdfPlace::File { urdf: name, package_paths })?;
+    let text = moved(&draft.text, from, into).map_err(AddError::from)?;
+    let read = match file.is_urdf {
+        true => text.clone(),
+        // Its URDF is not written yet.
+        false => written(&file.robot, &columns, base, &UrdfPlace::Inside)?.text,
+    };
+    experiment::model(&Source::new(&args.output, read)).map_err(|error| {
+        let message = format!("{}: btr cannot read the model that it would become: ", args.robot.display());
+        let help = "change what it names in the robot's file; in names, commas and * have a meaning of their own";
+        Failure::new("robot", Text::from(message) + error.message, Some(help.into()))
+    })?;
+    Ok(Draft { text, ..draft })
+}
+
 fn folder(path: &Path) -> &Path {
     path.parent().unwrap_or(Path::new(""))
 }
 
-fn tell(args: &NewArgs, global: &Global, file: &RobotFile, guesses: &[String], urdf_file: &Path) {
+fn tell(args: &NewArgs, global: &Global, file: &RobotFile, draft: &Draft, urdf: &Path) {
     let lacking = &file.robot.not_represented;
+    let Draft { told, warnings, .. } = draft;
     if global.json {
         let document = serde_json::json!({
-            "ok": true, "model": args.output, "urdf": if file.is_urdf { &args.robot } else { urdf_file },
-            "guesses": guesses, "not_represented": lacking,
+            "ok": true, "model": args.output, "urdf": urdf,
+            "guesses": told, "not_represented": lacking, "warnings": warnings,
         });
         println!("{document}");
     } else if !global.quiet {
         println!("{}: a model of {} joints", args.output.display(), file.robot.joints.len());
-        guesses.iter().for_each(|guess| println!("guess: {guess}"));
+        told.iter().for_each(|guess| println!("guess: {guess}"));
         lacking.iter().for_each(|what| println!("not represented: {what}"));
+        warnings.iter().for_each(|what| println!("warning: {what}"));
+        if !file.robot.warnings.is_empty() {
+            println!("help: --package-path DIR names a folder with packages; the motion does not depend on meshes");
+        }
         let logs = if args.logs.is_empty() { "LOG..." } else { "the same logs" };
         println!("next: see what says GUESS or FILL IN in it, then btr check {} with {logs}", args.output.display());
     }

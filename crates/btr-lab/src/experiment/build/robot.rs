@@ -3,6 +3,7 @@
 use super::builder::Builder;
 use crate::experiment::file::ActuatorSection;
 use crate::experiment::source::FileError;
+use crate::urdf_file::{RefusedUrdf, UrdfFile};
 use btr_physics::model::parameter;
 use btr_physics::presets::{ant, nao, pendulum};
 use btr_physics::robot::site;
@@ -13,13 +14,19 @@ use std::path::Path;
 
 impl Builder<'_> {
     pub(crate) fn robot(&self) -> Result<Robot, FileError> {
+        self.robot_with_warnings().map(|(robot, _)| robot)
+    }
+
+    /// The robot, with what is not known of its meshes.
+    pub(crate) fn robot_with_warnings(&self) -> Result<(Robot, Vec<String>), FileError> {
         let section = &self.file.robot;
         let base = section.base.unwrap_or(Base::Fixed);
+        let mut warnings = Vec::new();
         let mut robot = match (&section.builtin, &section.urdf, &section.urdf_text) {
             (Some(name), None, None) => self.builtin(name)?,
-            (None, Some(path), None) => self.urdf(&self.source.folder().join(path), base)?,
+            (None, Some(path), None) => self.urdf(&self.source.folder().join(path), base, &mut warnings)?,
             (None, None, Some(text)) => {
-                let invalid = |e: UrdfError| self.error(&["robot", "urdf_text"], e, None);
+                let invalid = |e: UrdfError| self.error(&["robot", "urdf_text"], &e, e.help().map(Into::into));
                 urdf::parse_urdf(text, base).map(|(robot, _)| robot).map_err(invalid)?
             }
             _ => {
@@ -32,7 +39,7 @@ impl Builder<'_> {
         }
         self.links(&mut robot)?;
         self.actuators(&mut robot)?;
-        Ok(robot)
+        Ok((robot, warnings))
     }
 
     /// Sets the inertial parameters that the file states.
@@ -51,15 +58,20 @@ impl Builder<'_> {
     }
 
     /// A missing URDF is an error of the model file; an invalid one is an error of the URDF.
-    fn urdf(&self, path: &Path, base: Base) -> Result<Robot, FileError> {
+    fn urdf(&self, path: &Path, base: Base, warnings: &mut Vec<String>) -> Result<Robot, FileError> {
         let missing = |e| self.error(&["robot", "urdf"], format!("{}: {e}", path.display()), None);
         let text = btr_io::read_text(path).map_err(missing)?;
-        let invalid = |e: UrdfError| {
-            let (path, message) = (path.to_owned(), e.to_string());
-            let line = line_of(&text, &message).unwrap_or(0);
-            FileError { path, line, column: 0, message: message.into(), help: None }
+        let file = UrdfFile { path, text: &text };
+        let invalid = |RefusedUrdf { line, message, help }: RefusedUrdf| {
+            let (path, help) = (path.to_owned(), help.map(Into::into));
+            FileError { path, line, column: 0, message: message.into(), help }
         };
-        urdf::parse_urdf(&text, base).map(|(robot, _)| robot).map_err(invalid)
+        let (mut robot, _) = file.robot(base).map_err(invalid)?;
+        if let Some(packages) = &self.file.robot.package_paths {
+            let packages: Vec<_> = packages.iter().map(|folder| self.source.folder().join(folder)).collect();
+            warnings.extend(file.enclose(&mut robot, &packages).map_err(invalid)?);
+        }
+        Ok(robot)
     }
 
     fn builtin(&self, name: &str) -> Result<Robot, FileError> {
@@ -140,12 +152,4 @@ fn sampling(section: &ActuatorSection) -> Result<Option<Sampling>, (&'static str
         return Err(("velocity_over", "velocity_over must be at least 1".to_owned()));
     }
     Ok(Some(Sampling { period_s, velocity_over }))
-}
-
-/// The line of a URDF that a message refers to: the first occurrence of the name that it quotes. The parser reports no
-/// lines.
-fn line_of(text: &str, message: &str) -> Option<usize> {
-    let quoted = format!("\"{}\"", message.split('`').nth(1)?);
-    let before = &text[..text.find(&quoted)?];
-    Some(before.matches('\n').count() + 1)
 }

@@ -16,6 +16,10 @@ pub struct RobotSection {
     /// The URDF itself, instead of its path. Models made from a compiled MuJoCo model have it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub urdf_text: Option<String>,
+    /// Folders with the packages of the URDF's meshes (`package://NAME/...`), relative to this file. Where this is
+    /// stated, be it empty, the boxes around the meshes are known: they are drawn, and say where a tool is held.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub package_paths: Option<Vec<PathBuf>>,
     /// Fixed or floating base of a URDF robot; built-in robots define their own.
     #[serde(default)]
     pub base: Option<Base>,
@@ -43,7 +47,7 @@ pub enum ActuatorSection {
         /// N·m·s/rad.
         #[serde(default)]
         kd: f64,
-        /// N·m. Default: unlimited; the `effort` of a URDF is not read.
+        /// N·m. Default: unlimited, whatever the `effort` of a URDF is; a new model file states it here.
         #[serde(default = "unlimited")]
         max_torque: f64,
         /// Sampling period of a digital servo, in s: it reads and computes once per period and holds the result.
@@ -55,7 +59,7 @@ pub enum ActuatorSection {
     },
     /// The command is a torque.
     Torque {
-        /// N·m. Default: unlimited; the `effort` of a URDF is not read.
+        /// N·m. Default: unlimited, whatever the `effort` of a URDF is; a new model file states it here.
         #[serde(default = "unlimited")]
         max_torque: f64,
     },

@@ -1,7 +1,7 @@
 //! What the robot holds: a tool, or a load in its gripper. Its place is on no drawing of the robot.
 
 use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
-use crate::robot::stretch::end;
+use crate::robot::stretch::tip;
 use crate::robot::{Base, Robot};
 use nalgebra::{Point3, Vector3};
 
@@ -38,7 +38,7 @@ impl Effect for ToolLoad {
 
     fn starts(&self, robot: &Robot, link: usize) -> Vec<Vec<f64>> {
         // At the end of the link, and beside it: about a joint that rolls the link, only that makes a difference.
-        let (end, aside) = (end(robot, link), ASIDE * robot.extent_m(link));
+        let (end, aside) = (tip(robot, link), ASIDE * robot.extent_m(link));
         let across = |axis: Vector3<f64>| end.cross(&axis).try_normalize(f64::EPSILON);
         let first = across(Vector3::ith(end.iamin(), 1.0)).unwrap_or_else(Vector3::x);
         let second = across(first).unwrap_or_else(Vector3::y);

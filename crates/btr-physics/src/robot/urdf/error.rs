@@ -55,7 +55,13 @@ pub enum UrdfError {
         /// The other.
         second: String,
     },
-    /// No root, or several.
+    /// No links.
+    #[error("there is no <link> in the <robot>")]
+    NoLinks,
+    /// No root: each link has a parent.
+    #[error("every link is the child of a joint, so the links form a loop; a robot has one root")]
+    NoRoot,
+    /// Several roots.
     #[error("{} links have no parent ({}); a robot has one root", roots.len(), roots.join(", "))]
     Roots {
         /// The links without a parent.
@@ -97,17 +103,41 @@ pub enum UrdfError {
     },
 }
 
+impl UrdfError {
+    /// What to do about it, where the message does not say so.
+    pub fn help(&self) -> Option<&'static str> {
+        match self {
+            UrdfError::NoLinks => Some("give the file with the robot's links and joints"),
+            UrdfError::Roots { .. } => {
+                Some("join them by joints (type=\"fixed\" where nothing moves), or remove what is no part of the robot")
+            }
+            UrdfError::NoRoot | UrdfError::Loop { .. } | UrdfError::TwoParents { .. } => {
+                Some("remove the joint that closes the loop; a <mimic> can stand for a linkage of two joints")
+            }
+            UrdfError::Twice { .. } => Some("give one of them another name"),
+            UrdfError::NoLink { .. } => Some("define the link, or correct its name in the joint"),
+            _ => None,
+        }
+    }
+}
+
 /// What a robot lacks of its URDF.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum UrdfWarning {
     /// A mesh.
-    #[error("link `{link}`: the mesh `{file}` is ignored; only primitives have contacts")]
+    #[error("link `{link}`: contacts of the mesh `{file}`; only primitives have contacts")]
     Mesh {
         /// The link.
         link: String,
         /// The mesh's file.
         file: String,
+    },
+    /// A link with a mass and without an inertia.
+    #[error("link `{link}`: an inertia, which the file does not state; all its mass is at one point")]
+    PointMass {
+        /// The link.
+        link: String,
     },
     /// A hinge or slide without a range.
     #[error("joint `{joint}` has no limits; its range is unlimited")]

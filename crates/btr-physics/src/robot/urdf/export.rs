@@ -1,11 +1,12 @@
 //! A robot as URDF text, for viewers and for other simulators.
 
-use crate::robot::{Geometry, Joint, JointKind, Link, Robot};
+use crate::robot::{Geometry, Joint, JointKind, Link, Robot, Shape};
 use nalgebra::Isometry3;
 use std::fmt::Write;
 
-/// The robot as URDF: inertials, joints with limits and dynamics, primitives as visual and as collision. What URDF
-/// cannot express (actuators, rotor inertia, the start) is left out.
+/// The robot as URDF: inertials, joints with limits and dynamics, primitives as visual and as collision, and the boxes
+/// around the meshes of a link without primitives as visual. What URDF cannot express (actuators, rotor inertia, the
+/// start) is left out.
 pub fn to_urdf(robot: &Robot) -> String {
     let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(&robot.name));
     for link in &robot.links {
@@ -36,14 +37,18 @@ fn push_link(out: &mut String, link: &Link) {
         line!(out, "    </inertial>");
     }
     for shape in &link.shapes {
-        for element in ["visual", "collision"] {
-            line!(out, "    <{element}>");
-            line!(out, "      {}", origin(&shape.pose));
-            line!(out, "      <geometry>{}</geometry>", geometry(&shape.geometry, element));
-            line!(out, "    </{element}>");
-        }
+        push_shape(out, shape, "visual");
+        push_shape(out, shape, "collision");
     }
+    link.mesh_boxes.iter().filter(|_| link.shapes.is_empty()).for_each(|shape| push_shape(out, shape, "visual"));
     line!(out, "  </link>");
+}
+
+fn push_shape(out: &mut String, shape: &Shape, element: &str) {
+    line!(out, "    <{element}>");
+    line!(out, "      {}", origin(&shape.pose));
+    line!(out, "      <geometry>{}</geometry>", geometry(&shape.geometry, element));
+    line!(out, "    </{element}>");
 }
 
 fn geometry(geometry: &Geometry, element: &str) -> String {

@@ -1,17 +1,20 @@
 //! Reading and writing robots as URDF.
 //!
-//! Limitations: shapes are primitives, so meshes (collision and visual) are left out with a warning; planar, floating
-//! and spherical joints are refused; `<transmission>` and `<safety_controller>` are not read. Every joint is passive:
-//! the model file defines its actuator, whose `max_torque` is the limit of its torque; `effort` is not read.
+//! Limitations: shapes are primitives, so collision meshes are left out with a warning ([`meshes`] lists them); planar,
+//! floating and spherical joints are refused; `<transmission>` and `<safety_controller>` are not read. Every joint is
+//! passive: the model file defines its actuator, whose `max_torque` is the limit of its torque; [`efforts`] lists what
+//! the URDF states.
 
 mod error;
 mod export;
+mod meshes;
 mod numbers;
 #[cfg(test)]
 mod tests;
 
 pub use error::{UrdfError, UrdfWarning};
 pub use export::to_urdf;
+pub use meshes::{Mesh, meshes};
 
 use super::{Actuator, Base, Geometry, Joint, JointKind, Link, Mimic, Robot, Shape};
 use btr_core::limits::{DEEPEST_XML, MOST_LINKS};
@@ -23,11 +26,7 @@ use xml::{Event, Parser};
 /// # Errors
 /// [`UrdfError`], which names the link or joint.
 pub fn parse_urdf(text: &str, base: Base) -> Result<(Robot, Vec<UrdfWarning>), UrdfError> {
-    check_depth(text)?;
-    let urdf = urdf_rs::read_from_string(text).map_err(|e| UrdfError::Syntax { what: e.to_string() })?;
-    if urdf.links.len() > MOST_LINKS {
-        return Err(UrdfError::Links { links: urdf.links.len() });
-    }
+    let urdf = read(text)?;
     numbers::check(&urdf)?;
     let mut warnings = Vec::new();
     let mut links: Vec<Link> = Vec::new();
@@ -48,10 +47,18 @@ pub fn parse_urdf(text: &str, base: Base) -> Result<(Robot, Vec<UrdfWarning>), U
 /// See [`parse_urdf`].
 pub fn efforts(text: &str) -> Result<Vec<(String, f64)>, UrdfError> {
     const NONE: f64 = 1e5;
+    let stated = read(text)?.joints.into_iter().map(|joint| (joint.name, joint.limit.effort));
+    Ok(stated.filter(|(_, effort)| *effort > 0.0 && *effort < NONE).collect())
+}
+
+/// The links and joints as they are written.
+fn read(text: &str) -> Result<urdf_rs::Robot, UrdfError> {
     check_depth(text)?;
     let urdf = urdf_rs::read_from_string(text).map_err(|e| UrdfError::Syntax { what: e.to_string() })?;
-    let stated = urdf.joints.into_iter().map(|joint| (joint.name, joint.limit.effort));
-    Ok(stated.filter(|(_, effort)| *effort > 0.0 && *effort < NONE).collect())
+    if urdf.links.len() > MOST_LINKS {
+        return Err(UrdfError::Links { links: urdf.links.len() });
+    }
+    Ok(urdf)
 }
 
 /// Refuses elements that lie so deep inside each other that reading them would overflow the stack. Broken XML is left
@@ -92,7 +99,12 @@ fn tree_order(urdf: &urdf_rs::Robot) -> Result<Vec<(usize, Option<&urdf_rs::Join
     }
     let names = |links: Vec<usize>| links.into_iter().map(|i| urdf.links[i].name.clone()).collect();
     let roots: Vec<usize> = (0..carriers.len()).filter(|i| carriers[*i].is_none()).collect();
-    let [root] = roots[..] else { return Err(UrdfError::Roots { roots: names(roots) }) };
+    let root = match roots[..] {
+        [root] => root,
+        [] if urdf.links.is_empty() => return Err(UrdfError::NoLinks),
+        [] => return Err(UrdfError::NoRoot),
+        _ => return Err(UrdfError::Roots { roots: names(roots) }),
+    };
     let mut order = vec![root];
     let mut done = 0;
     while let Some(&link) = order.get(done) {
@@ -217,8 +229,11 @@ fn link(l: &urdf_rs::Link, parent: Option<usize>, joint: Joint, warnings: &mut V
             Err(file) => warnings.push(UrdfWarning::Mesh { link: l.name.clone(), file }),
         }
     }
+    if mass_kg > 0.0 && inertia == Matrix3::zeros() {
+        warnings.push(UrdfWarning::PointMass { link: l.name.clone() });
+    }
     let (com_m, inertia_kg_m2) = (Point3::from(frame.translation.vector), turn * inertia * turn.transpose());
-    Link { name: l.name.clone(), parent, joint, mass_kg, com_m, inertia_kg_m2, shapes, foot: false }
+    Link { name: l.name.clone(), parent, joint, mass_kg, com_m, inertia_kg_m2, shapes, mesh_boxes: vec![], foot: false }
 }
 
 /// The primitive, or the mesh's file as the error.

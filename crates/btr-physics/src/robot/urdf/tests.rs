@@ -79,7 +79,11 @@ fn missing_limits_and_meshes_are_warned_about() {
     let mesh = "<link name=\"a\"><collision><geometry><mesh filename=\"a.stl\"/></geometry></collision></link>";
     let (robot, warnings) = parse_urdf(&robot_text(&[mesh.into()]), Base::Fixed).unwrap();
     assert!(robot.links[0].shapes.is_empty());
-    assert_eq!(warnings[0].to_string(), "link `a`: the mesh `a.stl` is ignored; only primitives have contacts");
+    assert_eq!(warnings[0].to_string(), "link `a`: contacts of the mesh `a.stl`; only primitives have contacts");
+    let point =
+        BODY.replace("ixx=\"1\"", "ixx=\"0\"").replace("iyy=\"2\"", "iyy=\"0\"").replace("izz=\"3\"", "izz=\"0\"");
+    let (_, warnings) = parse_urdf(&robot_text(&[format!("<link name=\"a\">{point}</link>")]), Base::Fixed).unwrap();
+    assert_eq!(warnings, [UrdfWarning::PointMass { link: "a".into() }]);
 }
 
 #[test]
@@ -116,10 +120,14 @@ fn invalid_robots_are_described_by_name() {
     assert_eq!(error_of(&[a.clone(), ab("fixed")]), "joint `ab` names the link `b`, which does not exist");
     assert_eq!(error_of(&[a.clone(), a.clone()]), "two links are called `a`");
     assert_eq!(error_of(&[a.clone(), b.clone()]), "2 links have no parent (a, b); a robot has one root");
-    assert_eq!(error_of(&[]), "0 links have no parent (); a robot has one root");
+    assert_eq!(error_of(&[]), "there is no <link> in the <robot>");
     assert_eq!(
         error_of(&[a.clone(), b.clone(), ab("fixed"), joint_text("ba", "fixed", "a", "b", "")]),
         "link `b` is the child of the joints `ab` and `ba`; a robot is a tree"
+    );
+    assert_eq!(
+        error_of(&[a.clone(), b.clone(), ab("fixed"), joint_text("ba", "fixed", "b", "a", "")]),
+        "every link is the child of a joint, so the links form a loop; a robot has one root"
     );
     let ring = [link_text("root"), a.clone(), b, ab("fixed"), joint_text("ba", "fixed", "b", "a", "")];
     assert_eq!(error_of(&ring), "the links a, b form a loop");
@@ -173,10 +181,10 @@ fn a_file_that_is_too_deep_or_too_long_is_refused() {
     let refusal = "more than 100 elements lie inside each other; a URDF needs no more than five";
     assert_eq!(told(&deep(20_000)), refusal);
     assert_eq!(told(&deep(DEEPEST_XML)), refusal);
-    assert_eq!(told(&deep(DEEPEST_XML - 1)), "0 links have no parent (); a robot has one root");
+    assert_eq!(told(&deep(DEEPEST_XML - 1)), "there is no <link> in the <robot>");
     // What lies in a comment lies nowhere, and what is closed at once is not open.
     let hidden = format!("<robot name=\"r\"><!--{}-->{}</robot>", "<a>".repeat(200), "<a b=\">\"/>".repeat(200));
-    assert_eq!(told(&hidden), "0 links have no parent (); a robot has one root");
+    assert_eq!(told(&hidden), "there is no <link> in the <robot>");
     let links: Vec<String> = (0..=MOST_LINKS).map(|k| link_text(&format!("l{k}"))).collect();
     assert_eq!(error_of(&links), "501 links; at most 500 are simulated");
 }
@@ -208,4 +216,37 @@ fn what_is_no_number_is_refused_by_name() {
     let shape = "<collision><geometry><sphere radius=\"-1\"/></geometry></collision></link>";
     let told = error_of(&[a.replace("</link>", shape)]);
     assert_eq!(told, "radius of `a` is -1, which is not a valid radius");
+}
+
+#[test]
+fn meshes_are_enclosed_by_boxes_that_are_drawn_and_touch_nothing() {
+    let part = |kind: &str, file: &str, scale: &str, origin: &str| {
+        format!("<{kind}>{origin}<geometry><mesh filename=\"{file}\" {scale}/></geometry></{kind}>")
+    };
+    let link = format!(
+        "<link name=\"a\">{BODY}{}{}</link>",
+        part("visual", "fine.dae", "", ""),
+        part(
+            "collision",
+            "a.stl",
+            "scale=\"0.001 -0.002 0.001\"",
+            "<origin xyz=\"1 0 0\" rpy=\"0 0 1.5707963267948966\"/>"
+        )
+    );
+    let drawn = format!("<link name=\"b\">{BODY}{}</link>", part("visual", "b.dae", "", ""));
+    let text = robot_text(&[link, drawn, joint_text("ab", "continuous", "a", "b", "")]);
+    let meshes = meshes(&text).unwrap();
+    let named: Vec<_> = meshes.iter().map(|mesh| (mesh.link.as_str(), mesh.file.as_str())).collect();
+    assert_eq!(named, [("a", "a.stl"), ("b", "b.dae")], "a collision's mesh goes before a picture's");
+    let (mut robot, _) = parse_urdf(&text, Base::Fixed).unwrap();
+    meshes[0].enclose(&mut robot, Point3::new(0.0, 0.0, -100.0), Point3::new(100.0, 300.0, 100.0));
+    let [Shape { pose, geometry: Geometry::Box { half_m } }] = &robot.links[0].mesh_boxes[..] else { panic!("a box") };
+    assert!((half_m - vector![0.05, 0.3, 0.1]).norm() < 1e-15, "{half_m}");
+    // Mirrored in y, then turned by a right angle, then moved.
+    assert!((pose.translation.vector - vector![1.0 + 0.3, 0.05, 0.0]).norm() < 1e-15, "{pose}");
+    assert!(robot.links[0].shapes.is_empty());
+    assert_eq!(to_urdf(&robot).matches("<box").count(), 1, "a picture, and no contact");
+    assert!(parse_urdf(&to_urdf(&robot), Base::Fixed).unwrap().0.links[0].shapes.is_empty());
+    let endless = text.replace("0.001 -0.002", "inf -0.002");
+    assert_eq!(super::meshes(&endless).unwrap_err().to_string(), "scale of `a` is inf, which is not a valid scale");
 }

@@ -36,12 +36,12 @@ def compiled(model: Any) -> tuple[Any, str, str]:
     load = mujoco.MjModel.from_binary_path if path.suffix == ".mjb" else mujoco.MjModel.from_xml_path
     try:
         return load(str(path)), path.stem, path.name
-    except ValueError as error:
+    except (ValueError, RuntimeError, mujoco.FatalError) as error:
         what = " ".join(str(error).split())
-        raise BtrError(
-            f"{path}: MuJoCo does not compile it: {what}\nhelp: it must load in MuJoCo itself; its meshes and includes "
-            "are found from its own folder"
-        ) from error
+        help_ = "it must load in MuJoCo itself; its meshes and includes are found from its own folder"
+        if path.suffix == ".mjb":
+            help_ = "only the MuJoCo that saved a compiled model loads it: save it again, or give the MJCF file"
+        raise BtrError(f"{path}: MuJoCo does not compile it: {what}\nhelp: {help_}") from error
 
 
 def described(model: Any, root: str | None = None) -> dict[str, Any]:
