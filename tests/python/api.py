@@ -37,17 +37,11 @@ def public_names(module: ModuleType) -> Iterator[tuple[str, object]]:
         yield from ((f"{name}.{key}", member) for key, member in members if not key.startswith("_"))
 
 
-def is_named(module: ModuleType) -> bool:
-    """Whether the package names this module."""
-    name = module.__name__.removeprefix("btr.")
-    return name in btr.__all__ and inspect.ismodule(getattr(btr, name))
-
-
 def build(folder: Path) -> None:
     """Writes one page per module."""
     pdoc.render.configure(show_source=False)
-    # The package's page has its modules; those that it calls by no name, or hides behind a function, have their own.
-    others = [module.__name__ for module in public_modules() if not is_named(module)]
+    # The package page includes the names that the package re-exports.
+    others = [module.__name__ for module in public_modules() if module.__name__.removeprefix("btr.") not in btr.__all__]
     pdoc.pdoc(*others, output_directory=folder)
 
 

@@ -35,7 +35,7 @@ def address(tmp_path: Path) -> Iterator[str]:
     logs = [str(ROBOTS / "arm/learn_1.csv"), str(hostile)]
     held_out = ["--held-out", str(ROBOTS / "arm/held_out_1.csv")]
     options = ["--folder", str(tmp_path), "--port", "0", "--no-browser"]
-    program = [sys.executable, "-u", "-m", "btr.studio", str(ROBOTS / "arm.toml"), *logs, *held_out, *options]
+    program = [sys.executable, "-m", "btr", "studio", str(ROBOTS / "arm.toml"), *logs, *options, *held_out]
     with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         yield process.stdout.readline().split()[-1]

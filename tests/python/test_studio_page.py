@@ -17,17 +17,17 @@ viser = pytest.importorskip("viser", reason="the studio needs viser")
 import numpy as np
 
 import btr
-from btr.studio import panels
-from btr.studio import server as server_module
-from btr.studio.candidates import Candidate
-from btr.studio.cause import reach
-from btr.studio.player import Player
-from btr.studio.replay import Replay, Run, error
-from btr.studio.robot import parsed, robot_of
-from btr.studio.scene import STEPS, Figure, Scene, colour_of
-from btr.studio.server import Server, serve
-from btr.studio.session import Session
-from btr.studio.view import labels
+from btr._studio import panels
+from btr._studio import server as server_module
+from btr._studio.candidates import Candidate
+from btr._studio.cause import reach
+from btr._studio.player import Player
+from btr._studio.replay import Replay, Run, error
+from btr._studio.robot import parsed, robot_of
+from btr._studio.scene import STEPS, Figure, Scene, colour_of
+from btr._studio.server import Server, serve
+from btr._studio.session import Session
+from btr._studio.view import labels
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 HOSTILE = "<img src=x onerror=alert(1)>"
@@ -212,7 +212,7 @@ def test_the_figure_moves_as_its_joints_do(served: tuple[Server, str]) -> None:
 
 
 def test_the_program_tells_what_it_cannot_use(capfd: pytest.CaptureFixture[str]) -> None:
-    from btr.studio.__main__ import main
+    from btr._studio.__main__ import main
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")

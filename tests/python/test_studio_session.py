@@ -10,9 +10,9 @@ import pytest
 
 import btr
 from btr._btr import command
-from btr.studio.candidates import candidates
-from btr.studio.session import Session
-from btr.studio.work import Cancelled, Latest
+from btr._studio.candidates import candidates
+from btr._studio.session import Session
+from btr._studio.work import Cancelled, Latest
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 FRICTION = "coulomb_friction@yaw"

@@ -2,9 +2,11 @@
 
 import json
 import pickle
+import re
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -189,6 +191,25 @@ def test_logs_are_arrays_frames_and_files(arm: btr.Model, tmp_path: Path) -> Non
     degrees = btr.Log([0.0, 0.1], {"q_knee_deg": [0, 180]})
     np.testing.assert_allclose(degrees["q_knee"], [0, np.pi])
     assert degrees.unit("q_knee") == "rad"
+
+
+def test_a_model_has_the_urdf_of_its_robot(arm: btr.Model) -> None:
+    text = (ROBOTS / "arm.urdf").read_text()
+    assert arm.urdf == text
+    inside = arm.text.replace('urdf = "arm.urdf"', f"urdf_text = '''{text}'''")
+    assert btr.Model(inside, "arm.toml").urdf == text
+    nao = btr.load_model(ROBOTS / "nao.toml")
+    written = {joint.get("name") for joint in ElementTree.fromstring(nao.urdf).iter("joint")}
+    assert written.issuperset(nao.joints), "a built-in robot has no file"
+
+
+def test_a_urdf_that_is_gone_is_named(tmp_path: Path) -> None:
+    for name in ("arm.toml", "arm.urdf"):
+        (tmp_path / name).write_text((ROBOTS / name).read_text())
+    model = btr.load_model(tmp_path / "arm.toml")
+    (tmp_path / "arm.urdf").unlink()
+    with pytest.raises(btr.BtrError, match=re.escape(str(tmp_path / "arm.urdf"))):
+        _ = model.urdf
 
 
 def test_a_model_is_a_text(arm: btr.Model) -> None:

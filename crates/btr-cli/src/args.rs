@@ -20,6 +20,8 @@ Diagnose and fit a model against logs of the robot:
   btr diagnose robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv
   btr fit      robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv \\
                --add coulomb_friction@yaw -o fitted.toml
+or do all that on a page in the browser (pip install 'btr[studio]'):
+  btr studio   robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv
 
 Evolve a controller and its simulation:
   btr coevolve robots/nao.toml --out runs/nao";
@@ -147,6 +149,13 @@ pub(crate) enum Verb {
         A file that is changed keeps its comments and its layout. What a format cannot say is told, and its effects\n\
         are written as JSON beside the output (OUT.effects.json).")]
     Export(ExportArgs),
+    /// Open a local page on a model and its logs: compare, diagnose, add, fit and save in the browser
+    #[command(
+        override_usage = held_out_usage!("studio"),
+        after_help = "Example:\n  btr studio robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv\n\n\
+        Needs Python with btr[studio]. Only browsers that open the printed address are answered; Ctrl-C ends it."
+    )]
+    Studio(StudioArgs),
     /// List the physical effects, or describe one
     #[command(after_help = "Example:\n  btr effects coulomb_friction")]
     Effects {
@@ -395,6 +404,30 @@ pub(crate) struct FitArgs {
     /// Where to write the fitted model
     #[arg(short, long, value_name = "MODEL")]
     pub(crate) output: Option<PathBuf>,
+}
+
+#[derive(ClapArgs)]
+pub(crate) struct StudioArgs {
+    /// The model (TOML)
+    pub(crate) model: PathBuf,
+    /// Training logs (MCAP or CSV)
+    #[arg(required = true, value_name = "LOG")]
+    pub(crate) logs: Vec<PathBuf>,
+    /// Held-out logs, which are not fitted; put this option after MODEL and LOG: it takes all arguments that follow
+    #[arg(long, num_args = 1.., value_name = "LOG")]
+    pub(crate) held_out: Vec<PathBuf>,
+    /// Where the page saves models, reports and scripts [default: here]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) folder: Option<PathBuf>,
+    /// Where it listens [default: 127.0.0.1, this machine alone]
+    #[arg(long, value_name = "ADDRESS")]
+    pub(crate) host: Option<String>,
+    /// The first port to try [default: 8080]
+    #[arg(long, value_name = "N")]
+    pub(crate) port: Option<u16>,
+    /// Print the address only, without opening the browser
+    #[arg(long)]
+    pub(crate) no_browser: bool,
 }
 
 fn formats() -> PossibleValuesParser {

@@ -61,6 +61,7 @@ fn answer(args: &Args) -> Result<u8, Failure> {
         Verb::Add(add) => cmd::models::add::run(add, &args.global),
         Verb::Fit(fit) => cmd::fit::run(fit, &args.global),
         Verb::Export(export) => cmd::models::export::run(export, &args.global),
+        Verb::Studio(studio) => cmd::models::studio::run(studio, &args.global),
         Verb::Effects { name } => cmd::effects::run(name.as_deref(), &args.global),
         Verb::Info { log } => cmd::info::run(log.as_deref(), &args.global),
         Verb::Convert { from, to } => cmd::convert::run(from, to, &args.global),

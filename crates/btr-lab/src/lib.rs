@@ -12,6 +12,7 @@ pub mod meshes;
 pub mod model_text;
 pub mod new_model;
 pub mod output;
+pub mod python;
 pub mod reality;
 mod robot_format;
 pub mod run;

@@ -7,7 +7,7 @@ use crate::work::{ExecutorChoice, at_once, context, working};
 use btr_core::space::Space;
 use btr_core::world::{Job, Simulator};
 use btr_identify::fit::Posterior;
-use btr_io::{IoError, write_whole};
+use btr_io::{IoError, read_text, write_whole};
 use btr_lab::execution::ExecutionContext;
 use btr_lab::experiment;
 use btr_lab::experiment::{LogSource, Source};
@@ -19,6 +19,7 @@ use btr_lab::verbs::{Addition, OwnLaw, OwnNumber};
 use btr_physics::effects::FORMULA;
 use btr_physics::engine::{BaseState, RobotState};
 use btr_physics::model;
+use btr_physics::robot::urdf::to_urdf;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use pyo3::prelude::*;
 use serde_json::json;
@@ -88,6 +89,20 @@ impl Model {
     #[getter]
     fn joints(&self) -> Vec<&str> {
         self.built.robot.movable().map(|(_, link)| link.joint.name.as_str()).collect()
+    }
+
+    /// The URDF of its robot: of the file that it names, inside it, or written here for a built-in robot.
+    #[getter]
+    fn urdf(&self) -> PyResult<String> {
+        let robot = self.source.parse().map_err(Raise::raise)?.robot;
+        match (robot.urdf, robot.urdf_text) {
+            (Some(name), _) => {
+                let path = self.source.folder().join(name);
+                read_text(&path).map_err(|source| IoError::File { path, source }.raise())
+            }
+            (None, Some(text)) => Ok(text),
+            (None, None) => Ok(to_urdf(&self.built.robot)),
+        }
     }
 
     /// S and C, as JSON: the dimensions of each.

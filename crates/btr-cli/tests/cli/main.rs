@@ -32,4 +32,5 @@ mod robot_programs;
 mod runs;
 mod scenarios;
 mod start;
+mod studio;
 mod verbs;

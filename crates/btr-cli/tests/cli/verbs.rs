@@ -145,7 +145,10 @@ fn completions_and_the_manual_name_every_verb() {
     let lab = Lab::new();
     for arguments in ["completions bash", "completions zsh", "completions fish", "man"] {
         let text = lab.ok(arguments);
-        assert!(["coevolve", "simulate", "effects", "convert"].iter().all(|verb| text.contains(verb)), "{arguments}");
+        assert!(
+            ["coevolve", "simulate", "studio", "effects", "convert"].iter().all(|verb| text.contains(verb)),
+            "{arguments}"
+        );
     }
     let syntax = Command::new("bash").arg("-n").arg("-c").arg(lab.ok("completions bash")).status();
     assert!(syntax.is_ok_and(|status| status.success()), "bash cannot read its completions");
@@ -168,6 +171,7 @@ fn every_verb_has_help_with_an_example() {
         "add",
         "fit",
         "export",
+        "studio",
         "effects",
         "info",
         "convert",

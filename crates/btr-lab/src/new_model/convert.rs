@@ -2,6 +2,7 @@
 
 use super::description::{JointFacts, RobotDescription};
 use crate::failure::Failure;
+use crate::python::{Python, in_a_line, last_line};
 use crate::robot_format::{ForeignFormat, RobotFormat};
 use crate::urdf_file::{RefusedUrdf, UrdfFile};
 use btr_core::text::Text;
@@ -10,10 +11,7 @@ use btr_physics::robot::urdf::efforts;
 use serde::Deserialize;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-/// Names the interpreter that has btr's Python package; the command of the wheel sets it.
-const INTERPRETER: &str = "BTR_PYTHON";
+use std::process::Command;
 
 /// A robot's file, read.
 pub struct RobotFile {
@@ -108,16 +106,12 @@ fn of_urdf(path: &Path, urdf: String, packages: &[PathBuf], is_urdf: bool) -> Re
     Ok(RobotFile { robot, is_urdf, package_paths })
 }
 
-fn python() -> String {
-    std::env::var(INTERPRETER).unwrap_or_else(|_| "python3".to_owned())
-}
-
 /// The URDF of a xacro file, by the program `xacro` or the Python package.
 fn expanded(path: &Path) -> Result<String, Failure> {
     let help = "pip install xacro, or expand it yourself: xacro robot.urdf.xacro > robot.urdf";
     const MAIN: &str = "import sys, xacro; sys.argv[0] = 'xacro'; sys.exit(xacro.main())";
     let run = match Command::new("xacro").arg(path).output() {
-        Err(e) if e.kind() == ErrorKind::NotFound => Command::new(python()).args(["-c", MAIN]).arg(path).output(),
+        Err(e) if e.kind() == ErrorKind::NotFound => Python::named().command().args(["-c", MAIN]).arg(path).output(),
         ran => ran,
     };
     let run = run.map_err(|e| refused(format!("{}: xacro files need the program xacro: {e}", path.display()), help))?;
@@ -143,16 +137,13 @@ enum Answer {
 
 /// The robot of a MuJoCo model, as MuJoCo compiles it.
 fn of_mujoco(path: &Path, root: Option<&str>) -> Result<RobotDescription, Failure> {
-    let interpreter = python();
-    let help = format!(
-        "pip install 'btr[mujoco]', and run the btr of that environment, or name its interpreter: {INTERPRETER}=venv/bin/python"
-    );
+    let python = Python::named();
     let without = |why: String| {
         let message = format!("{}: a MuJoCo model is read by Python, with btr and mujoco in it: {why}", path.display());
-        refused(message, &help)
+        refused(message, &Python::remedy("mujoco"))
     };
-    let run = Command::new(&interpreter).args(["-m", "btr._mujoco"]).arg(path).args(root).output();
-    let run = run.map_err(|e| without(format!("{interpreter}: {e}")))?;
+    let run = python.command().args(["-m", "btr._mujoco"]).arg(path).args(root).output();
+    let run = run.map_err(|e| without(python.unusable(e)))?;
     match serde_json::from_slice(&run.stdout) {
         Ok(Answer::Robot(robot)) => Ok(*robot),
         Ok(Answer::Error { message, help: stated }) => Err(refused(message, stated.as_deref().unwrap_or_default())),
@@ -161,18 +152,6 @@ fn of_mujoco(path: &Path, root: Option<&str>) -> Result<RobotDescription, Failur
             let help = "save it again with the MuJoCo that is installed here, or give the MJCF file";
             Err(refused(format!("{}: MuJoCo crashed while it read the model", path.display()), help))
         }
-        Err(_) => Err(without(format!("{interpreter}: {}", last_line(&run)))),
+        Err(_) => Err(without(python.unusable(last_line(&run)))),
     }
-}
-
-/// What a program says of its failure, in a line; of a traceback its end alone.
-fn in_a_line(run: &Output) -> String {
-    let said = String::from_utf8_lossy(&run.stderr).into_owned();
-    if said.contains("Traceback") { last_line(run) } else { said.split_whitespace().collect::<Vec<_>>().join(" ") }
-}
-
-/// The last line of what a program says of its failure.
-fn last_line(run: &Output) -> String {
-    let said = String::from_utf8_lossy(&run.stderr).into_owned();
-    said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("it says nothing").trim().to_owned()
 }

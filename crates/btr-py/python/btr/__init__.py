@@ -15,6 +15,7 @@ on all cores without holding Python's lock; with laws that are functions (`Model
 
 from btr import distance, documents, executors, mujoco, search
 from btr._btr import BtrError, Log, TestFailed, __version__
+from btr._studio import studio
 from btr.coevolution import coevolve
 from btr.controller import Controller
 from btr.documents import Iteration
@@ -22,7 +23,6 @@ from btr.exported import Exported
 from btr.logs import load_log
 from btr.model import Model, load_model
 from btr.results import CheckResult, CoevolveResult, CompareResult, DiagnoseResult, EffectsResult, FitResult
-from btr.studio import studio
 from btr.verbs import add, check, compare, diagnose, effects, fit
 
 __all__ = [

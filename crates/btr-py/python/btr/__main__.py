@@ -11,7 +11,8 @@ def main() -> int:
     """Runs the command line and returns the exit code."""
     # By default Python handles Ctrl-C only after the compiled call returns.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    # `btr new` reads MuJoCo models and xacro files with this interpreter.
+    # `btr new` reads MuJoCo models and xacro files with this interpreter, `btr studio` serves its page, unless another
+    # one was named.
     os.environ.setdefault("BTR_PYTHON", sys.executable)
     return command(["btr", *sys.argv[1:]])
 

@@ -80,6 +80,13 @@ class Model:
         return Path(self._model.path)
 
     @property
+    def urdf(self) -> str:
+        """The text of the robot's URDF, as it stands in the file that the model names or in the model; of a built-in
+        robot, as btr writes it. What the model says beside its URDF is not in it: see `export`. Raises `BtrError` if
+        the file cannot be read."""
+        return self._model.urdf
+
+    @property
     def laws(self) -> dict[str, Law]:
         """The functions that the text names."""
         return dict(self._laws)

@@ -2,7 +2,7 @@
 
     btr.studio("arm.toml", ["monday.csv", "tuesday.csv"], held_out=["friday.csv"])
 
-Needs viser: `pip install 'btr[studio]'`. `python -m btr.studio` does the same in a shell.
+Needs viser: `pip install 'btr[studio]'`. `btr studio` does the same in a shell.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ def studio(
     or all of the logs cannot be read, `ImportError` without viser."""
     needed("viser", "studio")
     # Without viser these cannot be imported.
-    from btr.studio.page import Page
-    from btr.studio.robot import robot_of
-    from btr.studio.server import serve
-    from btr.studio.session import Session
+    from btr._studio.page import Page
+    from btr._studio.robot import robot_of
+    from btr._studio.server import serve
+    from btr._studio.session import Session
 
     session = Session(model, logs, held_out, folder=folder)
     robot = robot_of(session.model)

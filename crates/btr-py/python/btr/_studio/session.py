@@ -14,12 +14,12 @@ from btr import _sources, _warnings
 from btr._btr import BtrError, Log
 from btr._inputs import wrong
 from btr._sources import LogLike, Logs
+from btr._studio.candidates import Candidate, candidates
+from btr._studio.replay import Replay, Run, error, replayed
+from btr._studio.saved import Saved, save
+from btr._studio.work import Batches
 from btr.model import Model, loaded
 from btr.results import CompareResult, DiagnoseResult, FitResult
-from btr.studio.candidates import Candidate, candidates
-from btr.studio.replay import Replay, Run, error, replayed
-from btr.studio.saved import Saved, save
-from btr.studio.work import Batches
 from btr.verbs import Tell, compare, diagnose, fit
 
 Ladder = list[tuple[str, float, Union[float, None]]]

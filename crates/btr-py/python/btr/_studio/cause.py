@@ -8,10 +8,10 @@ from typing import Any
 
 import viser
 
+from btr._studio import panels
+from btr._studio.candidates import Candidate
+from btr._studio.session import Session
 from btr.documents import Dimension
-from btr.studio import panels
-from btr.studio.candidates import Candidate
-from btr.studio.session import Session
 
 Names = Sequence[str]
 

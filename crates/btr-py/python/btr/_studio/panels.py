@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Union
 
+from btr._studio.candidates import Candidate
+from btr._studio.scene import BODY, GHOST, STEPS, Colour, colour_of
 from btr.documents import RegimeFailure
 from btr.results import CompareResult
-from btr.studio.candidates import Candidate
-from btr.studio.scene import BODY, GHOST, STEPS, Colour, colour_of
 
 Ladder = Sequence[tuple[str, float, Union[float, None]]]
 

@@ -7,8 +7,8 @@ from typing import Any, Union
 import numpy as np
 import viser
 
-from btr.studio import panels
-from btr.studio.replay import Replay, Series
+from btr._studio import panels
+from btr._studio.replay import Replay, Series
 
 MOST_SAMPLES = 4000
 NOISE_BAND = 2.0

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Union
 
 from btr._btr import BtrError
+from btr._studio.replay import Run
 from btr.model import Model
 from btr.results import Reported
-from btr.studio.replay import Run
 
 
 @dataclass(frozen=True)

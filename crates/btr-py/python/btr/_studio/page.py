@@ -10,13 +10,13 @@ from typing import Any
 import viser
 
 from btr._btr import BtrError
-from btr.studio import panels
-from btr.studio.cause import Candidates, Names, Sliders
-from btr.studio.robot import Robot
-from btr.studio.saved import python, shell
-from btr.studio.session import Session, Step
-from btr.studio.view import View
-from btr.studio.work import Cancelled, Latest
+from btr._studio import panels
+from btr._studio.cause import Candidates, Names, Sliders
+from btr._studio.robot import Robot
+from btr._studio.saved import python, shell
+from btr._studio.session import Session, Step
+from btr._studio.view import View
+from btr._studio.work import Cancelled, Latest
 
 GHOST_PARTS = 10
 GHOST_S = 3.0

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import viser
 
-from btr.studio import panels
-from btr.studio.player import Player
-from btr.studio.plots import Plots
-from btr.studio.replay import BASE, Replay, Run
-from btr.studio.robot import Robot
-from btr.studio.scene import Scene
-from btr.studio.session import Session
+from btr._studio import panels
+from btr._studio.player import Player
+from btr._studio.plots import Plots
+from btr._studio.replay import BASE, Replay, Run
+from btr._studio.robot import Robot
+from btr._studio.scene import Scene
+from btr._studio.session import Session
 
 MAGNIFIED = {"as it is": 1.0, "5 times as large": 5.0, "20 times as large": 20.0}
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2")

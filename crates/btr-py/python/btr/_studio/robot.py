@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, Union
 from xml.etree import ElementTree
 
-from btr._btr import BtrError
 from btr._inputs import wrong
-from btr._optional import needed
+from btr._studio import meshes
 from btr.model import Model
-from btr.studio import meshes
 
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
-
-ZSTANDARD = b"\x28\xb5\x2f\xfd"
 
 
 @dataclass(frozen=True)
@@ -114,12 +107,7 @@ class Robot:
 
 def robot_of(model: Model) -> Robot:
     """The robot of a model. Raises `BtrError` if its description cannot be had."""
-    try:
-        text = model.export("urdf").text
-    except BtrError:
-        # A built-in robot has no file.
-        return parsed(_recorded(model))
-    return parsed(text, meshes.folder_of(model))
+    return parsed(model.urdf, meshes.folder_of(model))
 
 
 def parsed(urdf: str, folder: Union[Path, None] = None) -> Robot:
@@ -201,23 +189,3 @@ def _origin(element: Union[ElementTree.Element, None]) -> tuple[Vector, Vector]:
 def _vector(text: Union[str, None]) -> Vector:
     x, y, z = (float(number) for number in (text or "").split())
     return x, y, z
-
-
-def _recorded(model: Model) -> str:
-    """The URDF that the command line writes into MCAP logs, in a compressed chunk."""
-    with tempfile.TemporaryDirectory(prefix="btr-studio-") as folder:
-        given, log = Path(folder, "model.toml"), Path(folder, "log.mcap")
-        model.save(given)
-        short = ["--set", "simulation.duration_s=0.2"]
-        program = [sys.executable, "-m", "btr", "simulate", str(given), "-o", str(log), *short]
-        done = subprocess.run(program, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise BtrError(done.stderr.strip())
-        recorded = log.read_bytes()
-    unpack = needed("zstandard", "studio").ZstdDecompressor
-    start = recorded.find(ZSTANDARD)
-    chunk: bytes = unpack().decompressobj().decompress(recorded[start:]) if start >= 0 else recorded
-    begin, end = chunk.find(b"<?xml"), chunk.find(b"</robot>")
-    if begin < 0 or end < 0:
-        raise wrong(f"{model.path}: no shapes are known of this robot", "name a URDF under [robot]")
-    return chunk[begin : end + len(b"</robot>")].decode("utf-8", "replace")

@@ -1,4 +1,4 @@
-"""The studio from a shell: `python -m btr.studio MODEL LOG...`."""
+"""`python -m btr._studio MODEL LOG...`: the studio, for the command `btr`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from btr._btr import BtrError
-from btr.studio import studio
+from btr._studio import studio
 
 
 def main(arguments: list[str] | None = None) -> int:

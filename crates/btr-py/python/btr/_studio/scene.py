@@ -10,8 +10,8 @@ import viser
 from numpy.typing import NDArray
 from viser import transforms
 
-from btr.studio.replay import BASE, Replay, Series
-from btr.studio.robot import Link, Robot, Rod, Shape
+from btr._studio.replay import BASE, Replay, Series
+from btr._studio.robot import Link, Robot, Rod, Shape
 
 Colour = tuple[int, int, int]
 

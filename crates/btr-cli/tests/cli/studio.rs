@@ -1,0 +1,86 @@
+//! `btr studio`, which hands over to Python.
+
+use crate::lab::{Lab, text};
+use std::process::Output;
+
+/// `btr studio` with a program in the place of Python.
+fn studio(lab: &Lab, arguments: &str, python: &str) -> Output {
+    lab.command(&format!("studio {arguments}")).env("BTR_PYTHON", python).output().unwrap()
+}
+
+/// A shell script in the place of Python; `$1` is `-c` where modules are imported and `-m` where one is run.
+#[cfg(unix)]
+fn script(lab: &Lab, lines: &str) -> String {
+    use std::os::unix::fs::PermissionsExt;
+    lab.write("python", &format!("#!/bin/sh\n{lines}\n"));
+    std::fs::set_permissions(lab.path("python"), std::fs::Permissions::from_mode(0o755)).unwrap();
+    lab.path("python").display().to_string()
+}
+
+#[test]
+fn the_help_names_every_option() {
+    insta::assert_snapshot!("studio_help", Lab::new().ok("studio --help"));
+}
+
+#[test]
+fn without_python_it_says_what_to_install() {
+    let output = studio(&Lab::new(), "arm.toml log.csv", "gone-python");
+    let told = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(told.contains("the studio is served by Python, with btr and viser in it: gone-python"), "{told}");
+    assert!(told.contains("help: pip install 'btr[studio]'"), "{told}");
+}
+
+#[test]
+#[cfg(unix)]
+fn without_a_package_it_says_what_to_install() {
+    let lab = Lab::new();
+    let python = script(&lab, "echo Traceback >&2; echo \"ModuleNotFoundError: No module named 'viser'\" >&2; exit 1");
+    let output = studio(&lab, "arm.toml log.csv", &python);
+    let told = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(told.contains("python: ModuleNotFoundError: No module named 'viser'"), "{told}");
+    assert!(told.contains("help: pip install 'btr[studio]'"), "{told}");
+}
+
+#[test]
+#[cfg(unix)]
+fn arguments_and_the_exit_code_are_passed_on() {
+    let lab = Lab::new();
+    let python = script(&lab, "[ $1 = -c ] && exit 0; echo $RAYON_NUM_THREADS: \"$@\"; exit 7");
+    let output = studio(&lab, "arm.toml a.csv b.csv --port 0 --threads 3", &python);
+    assert_eq!(output.status.code(), Some(7));
+    assert_eq!(text(&output.stdout), "3: -m btr._studio arm.toml a.csv b.csv --port 0\n");
+    let all = "arm.toml a.csv --host ::1 --folder made --no-browser --held-out b.csv c.csv";
+    let output = studio(&lab, all, &python);
+    let passed = "arm.toml a.csv --held-out b.csv c.csv --folder made --host ::1 --no-browser";
+    assert_eq!(text(&output.stdout), format!(": -m btr._studio {passed}\n"));
+}
+
+#[test]
+#[cfg(unix)]
+fn what_the_page_would_ignore_is_refused() {
+    let lab = Lab::new();
+    let python = script(&lab, "exit 0");
+    for (option, name) in [("--set simulation.duration_s=1", "--set"), ("--seed 7", "--seed")] {
+        let output = studio(&lab, &format!("arm.toml log.csv {option}"), &python);
+        let told = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{told}");
+        assert_eq!(told, format!("error: the studio takes no {name}\nhelp: write the value into the model's file\n"));
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupt_reaches_python() {
+    let lab = Lab::new();
+    let python = script(&lab, "[ $1 = -c ] && exit 0; trap 'exit 5' INT; echo > begun; while :; do sleep 0.05; done");
+    let mut child = lab.command("studio arm.toml log.csv").env("BTR_PYTHON", python).spawn().unwrap();
+    while !lab.exists("begun") {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before it began");
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    let told = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(told.success());
+    assert_eq!(child.wait().unwrap().code(), Some(5));
+}
