@@ -112,12 +112,14 @@ fn what_cannot_be_exported_is_refused_in_a_word() {
     let lab = lab();
     lab.write("text.xml", "no elements");
     lab.write("other.xml", "<robot name=\"arm\"/>");
+    lab.write("stranger.xml", "<mujoco><worldbody><body><joint name=\"tail\"/></body></worldbody></mujoco>");
     lab.write("deep.xml", &("<mujoco>".repeat(200_000) + &"</mujoco>".repeat(200_000)));
     let complaints: Vec<String> = [
         "export fitted.toml --to mujoco -o out.xml",
         "export fitted.toml text.xml --to mujoco -o out.xml",
         "export fitted.toml other.xml --to mujoco -o out.xml",
         "export fitted.toml missing.xml --to mujoco -o out.xml",
+        "export fitted.toml stranger.xml --to mujoco -o out.xml",
         "export fitted.toml arm.urdf --to urdf -o arm.urdf",
         "export fitted.toml --to urdf -o out.toml",
         "export fitted.toml --to gazebo -o out.sdf",

@@ -134,6 +134,26 @@ fn numbered_columns_are_taken_in_the_order_of_the_joints() {
 }
 
 #[test]
+fn a_clock_of_any_name_is_the_column_that_only_grows() {
+    let lab = lab(&[("t", "Zaehler"), ("cmd_", "Soll "), ("q_", "Ist ")], |_, x| x);
+    let told = lab.ok("new arm.urdf log.csv -o arm.toml");
+    assert!(told.contains("guess: Zaehler is the clock: no other column only grows"), "{told}");
+    let model = lab.read("arm.toml");
+    assert!(model.contains("time = \"Zaehler\"") && model.contains("cmd_elbow = \"Soll elbow\""), "{model}");
+    lab.ok("check arm.toml log.csv");
+}
+
+#[test]
+fn a_joint_without_a_command_is_told() {
+    let lab = lab(&[("cmd_elbow", "note")], |_, x| x);
+    let output = lab.run("new arm.urdf log.csv -o arm.toml");
+    let told = text(&output.stdout) + &text(&output.stderr);
+    assert!(told.contains("no column has commands of elbow"), "{told}");
+    let told = lab.complaint("new arm.urdf log.csv -o other.toml --set robot.base=floating");
+    assert!(told.contains("a new model takes no --set"), "{told}");
+}
+
+#[test]
 fn velocities_have_the_unit_in_which_they_are_slopes() {
     let lab = lab(&[], |_, x| x);
     let mut before: Vec<f64> = Vec::new();

@@ -39,6 +39,15 @@ pub(super) fn joints(outline: &Outline) -> Vec<JointFacts> {
     links.zip(&outline.joints).map(|(link, effects)| JointFacts::of(&link.joint, effects)).collect()
 }
 
+/// What is said of a file without any of the joints.
+pub(super) fn none_of(joints: &[JointFacts]) -> String {
+    let names: Vec<&str> = joints.iter().map(|joint| joint.name.as_str()).collect();
+    format!(
+        "it has none of the model's joints ({}): it is another robot's, or they are in a file that it includes",
+        names.join(", ")
+    )
+}
+
 impl JointFacts {
     fn of(joint: &Joint, effects: &[PlacedEffect]) -> Self {
         let (gains, torque_limit) = match joint.actuator {

@@ -1,6 +1,6 @@
 //! MJCF: attributes of joints, bodies and actuators in the user's own file.
 
-use super::facts::{JointFacts, changed_links, joints};
+use super::facts::{JointFacts, changed_links, joints, none_of};
 use super::request::{Exported, Request, number, numbers};
 use super::rest;
 use super::xml::{Changes, children, named, numbers_of};
@@ -14,6 +14,9 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
         return Err(format!("an MJCF file has a <mujoco>, not a <{}>", document.root_element().tag_name().name()));
     }
     let mut facts = joints(request.outline);
+    if !facts.iter().any(|joint| named(&document, "joint", &joint.name).is_some()) {
+        return Err(none_of(&facts));
+    }
     let mut file = File { text, document: &document, changes: Changes::default(), exported: Exported::default() };
     facts.iter().for_each(|joint| file.joint(joint));
     changed_links(request.outline, &request.model.robot).for_each(|link| file.link(link));

@@ -29,11 +29,14 @@ pub struct Exported {
     pub effects: Option<String>,
 }
 
+/// What is smaller is rounding.
+const ROUNDING: f64 = 1e-15;
+
 /// A number with ten digits, more than any log tells.
 pub(super) fn number(x: f64) -> String {
     let rounded = format!("{x:.9e}").parse().unwrap_or(x);
-    // A sum of zeros may be -0.
-    format!("{}", if rounded == 0.0 { 0.0 } else { rounded })
+    // Sums of numbers that cancel each other may leave their rounding, or -0.
+    format!("{}", if f64::abs(rounded) < ROUNDING { 0.0 } else { rounded })
 }
 
 /// Numbers, separated by spaces.

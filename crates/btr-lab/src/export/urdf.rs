@@ -1,6 +1,6 @@
 //! URDF: inertials, `<dynamics>`, and `<limit effort>`.
 
-use super::facts::{JointFacts, changed_links, joints};
+use super::facts::{JointFacts, changed_links, joints, none_of};
 use super::request::{Exported, Request, number, numbers};
 use super::rest;
 use super::xml::{Changes, children, named};
@@ -14,6 +14,9 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
         return Err(format!("a URDF has a <robot>, not a <{}>", document.root_element().tag_name().name()));
     }
     let mut facts = joints(request.outline);
+    if !facts.iter().any(|joint| named(&document, "joint", &joint.name).is_some()) {
+        return Err(none_of(&facts));
+    }
     let mut file = File { text, changes: Changes::default(), exported: Exported::default() };
     for joint in &facts {
         match named(&document, "joint", &joint.name) {

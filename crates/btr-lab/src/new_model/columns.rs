@@ -25,7 +25,7 @@ pub struct LogColumns {
     pub(super) unmatched: Vec<String>,
     /// Guesses, in words.
     pub(super) told: Vec<String>,
-    /// What single logs lack, in words.
+    /// What logs lack, in words.
     pub(super) lacking: Vec<String>,
 }
 
@@ -53,8 +53,15 @@ impl LogColumns {
         let all: IndexSet<&String> = logs.iter().flat_map(|log| &log.names).collect();
         let all: Vec<String> = all.into_iter().cloned().collect();
         let mut found = LogColumns { time: time_of(&first.names), ..LogColumns::default() };
+        if found.time.is_none() && !KNOWN_TIMES.iter().any(|t| first.names.iter().any(|name| name == t)) {
+            found.time = first.only_clock();
+            found.told.extend(found.time.iter().map(|name| format!("{name} is the clock: no other column only grows")));
+        }
         found.match_names(&all, robot);
         found.lacking = logs.iter().filter_map(|log| found.lacking_in(log)).collect();
+        let without = |kind: Kind| found.joints_without(kind, robot);
+        let without: Vec<String> = [Kind::Command, Kind::Position].into_iter().filter_map(without).collect();
+        found.lacking.extend(without);
         let has = |log: &NamedLog| found.columns.iter().filter(|column| log.names.contains(&column.name)).count();
         // The first of those with most.
         let fullest = logs.iter().rev().max_by_key(|log| has(log)).unwrap_or(first);
@@ -71,6 +78,15 @@ impl LogColumns {
         let used = self.columns.iter().map(|column| &column.name).chain(&self.time);
         let lacking: Vec<&str> = used.filter(|name| !log.names.contains(name)).map(String::as_str).collect();
         (!lacking.is_empty()).then(|| format!("{} lacks the columns {}", log.path.display(), lacking.join(", ")))
+    }
+
+    /// The joints without a column of a kind that others have, in words.
+    fn joints_without(&self, kind: Kind, robot: &Robot) -> Option<String> {
+        let has = |joint: usize| self.columns.iter().any(|column| column.joint == joint && column.kind == kind);
+        let joints = robot.movable().enumerate().filter(|(joint, _)| !has(*joint));
+        let without: Vec<&str> = joints.map(|(_, (_, link))| link.joint.name.as_str()).collect();
+        let some = self.has(kind) && !without.is_empty();
+        some.then(|| format!("no column has {} of {}", kind.what(), without.join(", ")))
     }
 
     /// Whether there is a column of this kind.
@@ -128,7 +144,12 @@ impl LogColumns {
     /// Columns that are numbered as the joints are: the first is the first joint's.
     fn match_in_order(&mut self, columns: &[&String], joints: &[&str]) {
         for NumberedColumns { kind, mut columns, .. } in numbered(columns) {
-            if columns.len() != joints.len() || self.has(kind) {
+            if columns.len() != joints.len() {
+                continue;
+            }
+            if self.has(kind) {
+                let (first, what) = (&columns[0].1, kind.what());
+                self.told.push(format!("{first} and those like it look like {what} as well, and are left out"));
                 continue;
             }
             columns.sort_by_key(|(number, _)| *number);
@@ -136,7 +157,7 @@ impl LogColumns {
             let column = |(joint, name)| Column { name, joint, kind, unit: Unit::Native };
             self.columns.extend(names().enumerate().map(column));
             let pairs: Vec<String> = names().zip(joints).map(|(name, joint)| format!("{name} = {joint}")).collect();
-            self.told.push(format!("columns are taken in the order of the joints: {}", pairs.join(", ")));
+            self.told.push(format!("{} in the order of the joints: {}", kind.what(), pairs.join(", ")));
         }
     }
 }
@@ -151,6 +172,19 @@ impl<'a> NamedLog<'a> {
             }
         };
         Ok(NamedLog { path, names })
+    }
+}
+
+impl NamedLog<'_> {
+    /// The only column that can be a clock: its numbers only grow.
+    fn only_clock(&self) -> Option<String> {
+        let grows = |name: &&String| {
+            let mapping = Mapping { time: Some((*name).clone()), ..Mapping::default() };
+            btr_io::read_log(self.path, &mapping).is_ok()
+        };
+        let mut clocks = self.names.iter().filter(grows);
+        let first = clocks.next()?;
+        clocks.next().is_none().then(|| first.clone())
     }
 }
 

@@ -15,7 +15,7 @@ pub(super) enum Kind {
     Torque,
 }
 
-const COMMAND: [&str; 17] = [
+const COMMAND: [&str; 20] = [
     "cmd",
     "command",
     "commanded",
@@ -33,10 +33,13 @@ const COMMAND: [&str; 17] = [
     "control",
     "wanted",
     "demand",
+    "soll",
+    "sollwert",
+    "consigne",
 ];
 const VELOCITY: [&str; 8] = ["dq", "qd", "vel", "velocity", "velocities", "speed", "qvel", "rate"];
 const TORQUE: [&str; 7] = ["tau", "torque", "torques", "effort", "trq", "moment", "nm"];
-const POSITION: [&str; 19] = [
+const POSITION: [&str; 22] = [
     "q",
     "pos",
     "position",
@@ -56,6 +59,9 @@ const POSITION: [&str; 19] = [
     "observation",
     "joint",
     "motor",
+    "ist",
+    "istwert",
+    "mesure",
 ];
 /// Quantities of joints that btr has no channel for.
 const OTHER: [&str; 27] = [
@@ -89,7 +95,8 @@ const OTHER: [&str; 27] = [
 ];
 const UNITS: [&str; 6] = ["deg", "rad", "mm", "m", "s", "n"];
 const QUANTITIES: [&[&str]; 4] = [&COMMAND, &VELOCITY, &TORQUE, &POSITION];
-const TIME: [&str; 9] = ["t", "time", "timestamp", "timestamps", "stamp", "clock", "secs", "sec", "elapsed"];
+const TIME: [&str; 11] =
+    ["t", "time", "timestamp", "timestamps", "stamp", "clock", "secs", "sec", "elapsed", "zeit", "temps"];
 
 impl Kind {
     /// Prefix of btr's channels of this kind.
@@ -99,6 +106,17 @@ impl Kind {
             Kind::Position => "q_",
             Kind::Velocity => "dq_",
             Kind::Torque => "tau_",
+        }
+    }
+
+    /// What columns of this kind hold.
+    pub(super) fn what(self) -> &'static str {
+        match self {
+            Kind::Command => "commands",
+            Kind::TorqueCommand => "commanded torques",
+            Kind::Position => "measured positions",
+            Kind::Velocity => "measured velocities",
+            Kind::Torque => "measured torques",
         }
     }
 }
@@ -181,6 +199,8 @@ mod tests {
         assert_eq!(kind("joint2_vel"), (Kind::Velocity, "2".into()));
         assert_eq!(kind("effort_wrist"), (Kind::Torque, "wrist".into()));
         assert_eq!(kind("elbow_current_position"), (Kind::Position, "elbow".into()));
+        assert_eq!(kind("Soll A2 [deg]"), (Kind::Command, "a 2".into()));
+        assert_eq!(kind("Ist A2 [deg]"), (Kind::Position, "a 2".into()));
         for other in ["target_velocity_hip", "elbow_temperature", "elbow_current", "q_error_hip"] {
             assert_eq!(kind_of(&words(other)), None, "{other}");
         }
@@ -195,7 +215,7 @@ mod tests {
 
     #[test]
     fn clocks_are_known_by_their_names() {
-        assert!(["t", "Time", "timestamp_ms", "elapsed time"].iter().all(|name| is_time(name)));
+        assert!(["t", "Time", "timestamp_ms", "elapsed time", "Zeit_ms"].iter().all(|name| is_time(name)));
         assert!(!["q_t", "torque", "temperature", "time_to_goal"].iter().any(|name| is_time(name)));
     }
 }
