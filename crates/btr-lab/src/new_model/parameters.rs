@@ -1,5 +1,6 @@
 //! `[parameters]` of a new model file: a first set of free ones.
 
+use super::description::JointFacts;
 use super::gains::rounded;
 use super::text::{Writer, key, number};
 use super::words::Kind;
@@ -35,12 +36,18 @@ impl Writer<'_> {
 
     fn gains(&mut self) {
         let (torques, follows) = (self.columns.has(Kind::TorqueCommand), self.columns.lead_without_commands());
+        let unknown = |facts: &JointFacts| facts.actuator.is_none() && !torques && !follows;
+        if self.joints().iter().any(|(_, _, facts)| unknown(facts)) {
+            self.line(
+                "# Guessed gains: remove the lines of those that you have filled in, as a free kd passes for friction.",
+            );
+        }
         for (_, joint, facts) in self.joints() {
             match &facts.actuator {
                 Some(ActuatorSection::Position { .. }) => {
                     self.line(&format!("{} = {{ relative = [0.8, 1.25] }}", key(&format!("kp@{}", joint.name))));
                 }
-                None if !torques && !follows => {
+                None if unknown(&facts) => {
                     for gain in ["kp", "kd"] {
                         let key = key(&format!("{gain}@{}", joint.name));
                         self.line(&format!("{key} = {{ relative = [0.05, 20.0], scale = \"log\" }}"));
