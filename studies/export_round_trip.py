@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 """From MuJoCo to btr and back: does an exported model replay held-out logs in MuJoCo as well as btr said it would?
 
-    cargo build --release && maturin develop --release && python3 studies/export_round_trip.py [--seeds 1..20]
+    cargo build --release && maturin develop --release && python3 studies/export_round_trip.py [--seeds 1..20] [--each]
 
 Needs btr, NumPy and MuJoCo (`pip install 'btr[mujoco]'`). Reality is the desk arm of `robots/arm.urdf` in MuJoCo, with
 position servos, one or two effects drawn from the seed, masses off by up to 10 %, and encoders' noise of 0.5 mrad. btr
 sees the nominal model and two logs, with one held out; what `diagnose` finds is fitted and exported into the nominal
 MJCF file, and that is replayed in MuJoCo. A line per seed: what was planted, what was found, and the held-out error in
 noise floors of the nominal file, of btr's fitted model, and of the exported file in MuJoCo, with the effects that MJCF
-lacks and without them.
+lacks and without them. With `--each`, every effect that an export carries or applies is planted once, alone.
 
 Reality and replay are integrated by RK4 in steps of 0.5 ms. With `implicitfast` in such steps MuJoCo and btr differ by
 half a milliradian, which is then part of the error.
@@ -40,6 +40,22 @@ EFFECTS = {
     "cogging": {"amplitude": (0.1, 0.4), "order": (6.0, 20.0), "phase": (-3.0, 3.0)},
     "quadratic_drag": {"coefficient": (0.1, 0.5)},
 }
+# Those that are planted with `--each` alone.
+FURTHER = {
+    "stribeck_friction": {"coulomb": (0.1, 0.3), "static": (0.4, 0.6), "velocity": (0.05, 0.3)},
+    "asymmetric_friction": {
+        "coulomb_forward": (0.1, 0.2),
+        "coulomb_backward": (0.3, 0.4),
+        "viscous_forward": (0.0, 0.1),
+        "viscous_backward": (0.1, 0.3),
+    },
+    "command_deadband": {"band": (0.01, 0.03)},
+    "command_offset": {"offset": (0.02, 0.05)},
+    "command_resolution": {"step": (0.01, 0.03)},
+    "command_hysteresis": {"band": (0.01, 0.03)},
+    "encoder_offset": {"offset": (0.02, 0.05)},
+    "encoder_delay": {"delay": (0.01, 0.03)},
+}
 # What MuJoCo has attributes for.
 ATTRIBUTES = {
     "viscous_friction": "dof_damping",
@@ -60,16 +76,17 @@ def nominal():
     return spec.to_xml()
 
 
-def planted(rng, text):
-    """The real arm, and the effects beside it."""
+def planted(rng, text, effects=None):
+    """The real arm, and the effects beside it: these, or one or two that are drawn."""
     real = mujoco.MjModel.from_xml_string(text)
     factors = rng.uniform(0.9, 1.1, real.nbody)
     real.body_mass[:] *= factors
     real.body_inertia[:] *= factors[:, None]
     beside, said = {"joints": {}}, []
-    for effect in rng.choice(list(EFFECTS), size=rng.integers(1, 3), replace=False):
+    for effect in effects or rng.choice(list(EFFECTS), size=rng.integers(1, 3), replace=False):
         joint = str(rng.choice(JOINTS))
-        values = {name: float(rng.uniform(*bounds)) for name, bounds in EFFECTS[effect].items()}
+        ranges = {**EFFECTS, **FURTHER}[effect]
+        values = {name: float(rng.uniform(*bounds)) for name, bounds in ranges.items()}
         said.append(f"{effect}@{joint}")
         dof = real.joint(joint).dofadr[0]
         if effect in ATTRIBUTES:
@@ -92,14 +109,15 @@ def motion(rng):
 
 
 def replayed(model, effects, t, commands, start):
-    """The joints' positions at the times of the commands."""
+    """The joints' positions at the times of the commands, as their encoders read them."""
     data = mujoco.MjData(model)
     stepper = btr.mujoco.EffectStepper(model, effects or {"joints": {}})
     places = [model.joint(joint).qposadr[0] for joint in JOINTS]
     data.qpos[places] = start
     positions = []
     for command in commands:
-        positions.append(data.qpos[places].copy())
+        read = stepper.readings(data)
+        positions.append([read.get(joint, data.qpos[place]) for joint, place in zip(JOINTS, places)])
         data.ctrl[:] = command
         for _ in range(round(1 / RATE_HZ / STEP_S)):
             stepper.step(data)
@@ -126,11 +144,11 @@ def identified(learn, held_out):
     return answer, btr.fit(model, learn, held_out=[held_out], add=answer.names)
 
 
-def case(seed, folder):
+def case(seed, folder, effects=None):
     rng = np.random.default_rng(seed)
     text = nominal()
     (folder / "robot.xml").write_text(text)
-    real, beside, said = planted(rng, text)
+    real, beside, said = planted(rng, text, effects)
     *learn, held_out = recorded(rng, real, beside)
     answer, fitted = identified(learn, held_out)
     exported = fitted.model.export("mujoco", folder / "robot.xml")
@@ -156,11 +174,16 @@ def case(seed, folder):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", default="1..20", help="A..B, both included")
-    first, last = map(int, parser.parse_args().seeds.split(".."))
+    parser.add_argument("--each", action="store_true", help="plant every effect once, alone, from the first seed on")
+    arguments = parser.parse_args()
+    first, last = map(int, arguments.seeds.split(".."))
+    cases = [(seed, None) for seed in range(first, last + 1)]
+    if arguments.each:
+        cases = [(first + k, [effect]) for k, effect in enumerate([*EFFECTS, *FURTHER])]
     ratios = []
-    for seed in range(first, last + 1):
+    for seed, effects in cases:
         with tempfile.TemporaryDirectory() as folder:
-            ratios.append(case(seed, Path(folder)))
+            ratios.append(case(seed, Path(folder), effects))
     within = sum(abs(ratio - 1) <= 0.05 for ratio in ratios)
     print(f"exported within 5 % of btr's own error: {within} of {len(ratios)}; median {np.median(ratios):.3f}")
 

@@ -52,9 +52,11 @@ pub struct Posterior {
 }
 
 impl Posterior {
-    /// The posterior of a fit, with the deviations of its intervals; `inflation` is that of the covariance. `None`
-    /// without a derivative.
-    pub fn of(objective: &Objective, fit: &FitPoint, inflation: f64, has_structure: bool) -> Option<Self> {
+    /// The posterior of a fit, with the deviations of its intervals; `inflation` is that of the covariance. With
+    /// `structure`, the error that is no noise, in noise floors, deviations are wider by it, as far as the priors are:
+    /// what stands in for something else is off by more than the residual's own spread. `None` without a derivative.
+    pub fn of(objective: &Objective, fit: &FitPoint, inflation: f64, structure: Option<f64>) -> Option<Self> {
+        let inflation = inflation * structure.map_or(1.0, |error| error.max(1.0).powi(2));
         let covariance = covariance(objective.parameters(), fit, inflation, 1.0)?;
         let within = roots(&covariance);
         let deviations = wider(objective, fit, &within);
@@ -68,7 +70,7 @@ impl Posterior {
         Some(Posterior {
             parameters: fit.active.iter().zip(&deviations).map(marginal).collect(),
             correlation: all.clone().map(|i| all.clone().map(|j| correlation(i, j)).collect()).collect(),
-            has_structure,
+            has_structure: structure.is_some(),
         })
     }
 

@@ -193,7 +193,8 @@ fn conclude(
     (fit, ended, integrator_error): FinishedSearch,
     ladder: LadderRecorder,
 ) -> FitResult {
-    let withheld = withheld(objective, ladder.error());
+    let ladder_error = ladder.error();
+    let withheld = withheld(objective, ladder_error);
     let integrator_error = integrator_error.max(fit.held_out_step_error(objective));
     let rollouts = objective.rollouts();
     let left = remaining(objective, &fit.u);
@@ -204,7 +205,7 @@ fn conclude(
     FitResult {
         parameters: estimates(objective, &fit, inflation, intervals).into_iter().map(|(_, e)| e).collect(),
         null_directions: null_directions(objective.parameters(), &fit),
-        posterior: Posterior::of(objective, &fit, inflation, withheld.is_some()),
+        posterior: Posterior::of(objective, &fit, inflation, withheld.is_some().then_some(ladder_error)),
         integrator_error,
         fit,
         train,
