@@ -54,8 +54,8 @@ def main():
                 kept.extend(new)
     for what, (within, widths, errors) in found.items():
         print(
-            f"fitted {what}: {np.median(errors):.2f} noise floors; {sum(within)} of {len(within)} true values within the "
-            f"middle 95 % ({np.mean(within):.3f}), which is {np.median(widths):.2f} of the bounds wide (median)"
+            f"fitted {what}: {np.median(errors):.2f} noise floors; {sum(within)} of {len(within)} true values within "
+            f"the middle 95 % ({np.mean(within):.3f}), which is {np.median(widths):.2f} of the bounds wide (median)"
         )
 
 
