@@ -70,17 +70,18 @@ fn what_the_page_would_ignore_is_refused() {
     }
 }
 
+/// Not an interrupt: jobs in the background of a shell ignore those, and so does what they start.
 #[test]
 #[cfg(unix)]
-fn an_interrupt_reaches_python() {
+fn a_signal_reaches_python() {
     let lab = Lab::new();
-    let python = script(&lab, "[ $1 = -c ] && exit 0; trap 'exit 5' INT; echo > begun; while :; do sleep 0.05; done");
+    let python = script(&lab, "[ $1 = -c ] && exit 0; trap 'exit 5' TERM; echo > begun; while :; do sleep 0.05; done");
     let mut child = lab.command("studio arm.toml log.csv").env("BTR_PYTHON", python).spawn().unwrap();
     while !lab.exists("begun") {
         assert!(child.try_wait().unwrap().is_none(), "it ended before it began");
         std::thread::sleep(std::time::Duration::from_millis(10));
     }
-    let told = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let told = std::process::Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(told.success());
     assert_eq!(child.wait().unwrap().code(), Some(5));
 }
