@@ -36,6 +36,18 @@ pub fn can_write(path: &Path) -> io::Result<()> {
     create_beside(&target(path)?)?.close()
 }
 
+/// Creates a folder, if there is none, in one that must be there. (`create_dir_all` would also create that one anew if
+/// somebody had just moved it away.)
+///
+/// # Errors
+/// Errors of the operating system: a folder above that is gone, a file in its place.
+pub fn create_dir(path: &Path) -> io::Result<()> {
+    match fs::create_dir(path) {
+        Err(why) if why.kind() == io::ErrorKind::AlreadyExists && path.is_dir() => Ok(()),
+        created => created,
+    }
+}
+
 /// Removes what killed processes left of [`write_whole`] in a folder: its temporary files. Nobody may be writing there.
 ///
 /// # Errors

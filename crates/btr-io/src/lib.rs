@@ -45,7 +45,7 @@ mod tests;
 
 use channels::{names, series};
 
-pub use crate::atomic::{can_write, sweep_temporary, write_whole};
+pub use crate::atomic::{can_write, create_dir, sweep_temporary, write_whole};
 pub use channels::mapping::{ForeignName, Mapping, TimeUnit, Topics};
 pub use channels::renamed::renamed;
 pub use error::{IoError, Warning};

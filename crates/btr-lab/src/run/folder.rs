@@ -58,6 +58,7 @@ impl Run {
     /// # Errors
     /// A folder in use, or a plan that does not fit.
     pub fn begin(experiment: &Experiment, plan: Plan, folder: &Path) -> Result<Self, RunError> {
+        std::fs::create_dir_all(folder).map_err(|source| RunError::Io { path: folder.to_owned(), source })?;
         let lock = locked(folder)?;
         if checkpoint_path(folder).exists() {
             return Err(RunError::Exists(folder.to_owned()));

@@ -10,6 +10,7 @@ use btr_core::space::Dim;
 use btr_core::world::Simulator;
 use indexmap::IndexMap;
 use rayon::prelude::*;
+use std::path::PathBuf;
 
 /// Steps by which a parameter is moved until phi detects it, in percent of its value.
 const STEPS_PERCENT: [f64; 5] = [1.0, 2.0, 5.0, 10.0, 25.0];
@@ -36,8 +37,7 @@ pub fn with_distance(
 ) -> Result<Option<ByDistance>, RunError> {
     // A goal for phi is in the unit of the plan's distance.
     let plan = Plan { distance: spec.clone(), phi_goal: None, ..run.state().plan().clone() };
-    let folder = run.folder().join("by_distance").join(format!("{number}_{}", spec.name()));
-    run.check_folder()?;
+    let folder = folder_of(run, &format!("{number}_{}", spec.name()))?;
     let mut other = Run::begin_or_resume(experiment, plan, &folder)?;
     loop {
         // If the folder is gone, so is that of the whole run, which is what has to be kept.
@@ -53,6 +53,18 @@ pub fn with_distance(
         }
     }
     Ok(Some(found(experiment, other.state())))
+}
+
+/// The folder of one distance in the run's. Nothing is created if the run's is gone.
+fn folder_of(run: &Run, name: &str) -> Result<PathBuf, RunError> {
+    run.check_folder()?;
+    let parts = run.folder().join("by_distance");
+    let folder = parts.join(name);
+    for path in [&parts, &folder] {
+        let gone_or = |source| run.check_folder().err().unwrap_or(RunError::Io { path: path.clone(), source });
+        btr_io::create_dir(path).map_err(gone_or)?;
+    }
+    Ok(folder)
 }
 
 /// The result of a finished identification, and the resolution of its distance in each parameter at the estimate.

@@ -16,14 +16,13 @@ pub(super) struct FolderLock {
 }
 
 impl FolderLock {
-    /// Creates the folder, if there is none, and locks it.
+    /// Locks the folder, which must be there.
     ///
     /// # Errors
     /// Another process that works in the folder; a failed write. A file system without locks is no error.
     pub(super) fn of(folder: &Path) -> Result<Self, RunError> {
         let path = folder.join(NAME);
-        let open = || OpenOptions::new().create(true).truncate(false).read(true).write(true).open(&path);
-        let opened = std::fs::create_dir_all(folder).and_then(|()| open());
+        let opened = OpenOptions::new().create(true).truncate(false).read(true).write(true).open(&path);
         let mut file = opened.map_err(|source| RunError::Io { path: path.clone(), source })?;
         match file.try_lock() {
             Ok(()) => {}

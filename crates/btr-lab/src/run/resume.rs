@@ -93,7 +93,7 @@ impl Run {
     }
 
     /// Resumes a run of exactly this experiment, S included, or begins a new one. For results that can be computed
-    /// again from the real tests of another run.
+    /// again from the real tests of another run, in a folder that must be there.
     ///
     /// # Errors
     /// As [`Run::begin`] and [`Run::resume`].

@@ -58,7 +58,7 @@ impl Store {
     pub fn ask(&self, trial: &Trial, references: &Log) -> Result<PathBuf, StoreError> {
         let folder = self.folder_of(trial);
         let (path, text) = (folder.join(REQUEST), self.describe(trial));
-        std::fs::create_dir_all(&folder).map_err(|source| StoreError::Io { path: folder.clone(), source })?;
+        self.create(&folder).map_err(|source| StoreError::Io { path: folder.clone(), source })?;
         match std::fs::read(&path) {
             Ok(before) if before != text.as_bytes() => return Err(StoreError::OtherTrial { path: folder }),
             Ok(_) if result_in(&folder).is_some() => return Ok(folder),
@@ -67,6 +67,11 @@ impl Store {
         btr_io::write_log(&folder.join("references.csv"), &commands(references), &Meta::default())?;
         write_text(&path, &text)?;
         Ok(folder)
+    }
+
+    /// Creates the folder of a trial, but not the run's: a run whose folder is gone must notice that.
+    fn create(&self, folder: &Path) -> std::io::Result<()> {
+        [self.folder.as_path(), folder].into_iter().try_for_each(btr_io::create_dir)
     }
 
     /// The result of a trial, if there is one.
@@ -234,6 +239,17 @@ mod tests {
         assert!(matches!(store.fail(&trial, "no log"), Ok(Outcome::Failed { .. })));
         std::fs::remove_file(asked.join(REQUEST)).unwrap();
         assert!(matches!(store.fail(&trial, "no log"), Err(StoreError::Io { .. })));
+    }
+
+    #[test]
+    fn a_runs_folder_that_is_gone_is_not_created_anew() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = folder.path().join("run");
+        let tests = run.join("transfers");
+        let store = Store::new(tests, Space::default(), Fitness::default(), Mapping::default(), 1.0);
+        let trial = Trial { number: 0, iteration: 1, controller: Vec::new(), scenario: 0 };
+        assert!(matches!(store.ask(&trial, &Log::new(vec![0.0]).unwrap()), Err(StoreError::Io { .. })));
+        assert!(!run.exists());
     }
 
     #[test]
