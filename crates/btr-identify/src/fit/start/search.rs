@@ -3,8 +3,10 @@
 //! gives a better estimate.
 
 use crate::fit::residual_vector::squares;
-use crate::fit::rollouts::each;
-use crate::residual_model::{ModelDescription, MovedStart, ResidualModel, ResidualRequest, TimeStep};
+use crate::fit::rollouts::{each, rows_near, shared};
+use crate::residual_model::{
+    ModelDescription, MovedStart, RecordedLog, ResidualModel, ResidualRequest, StartNumber, TimeStep,
+};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::cell::Cell;
@@ -37,6 +39,8 @@ pub fn nearest_starts(
             batch_size: description.batch_size,
             u,
             log,
+            recorded: &description.logs[log],
+            numbers: starts[log].numbers.iter().filter(|number| number.search_sd.is_some()).collect(),
             open: starts[log].search_sds(),
             rollouts: Cell::new(0),
         };
@@ -54,6 +58,10 @@ struct StartSearch<'a> {
     batch_size: usize,
     u: &'a [f64],
     log: usize,
+    recorded: &'a RecordedLog,
+    /// The numbers that are searched, ...
+    numbers: Vec<&'a StartNumber>,
+    /// ... and their standard deviations.
     open: Vec<f64>,
     rollouts: Cell<usize>,
 }
@@ -103,15 +111,23 @@ impl StartSearch<'_> {
 
     /// The Gauss-Newton step; zero where the normal matrix is singular.
     fn step(&self, at: &DVector<f64>, residual: &DVector<f64>) -> Option<DVector<f64>> {
-        let nudged = |k: usize| {
+        let groups = shared(self.numbers.iter().map(|number| number.channels.as_slice()));
+        let nudged = |group: &Vec<usize>| {
             let mut moved = at.clone();
-            moved[k] += 1.0;
+            group.iter().for_each(|&k| moved[k] += 1.0);
             moved
         };
-        let nudged = self.residuals(&(0..at.len()).map(nudged).collect::<Vec<_>>());
-        let slopes: Vec<DVector<f64>> =
-            nudged.into_iter().map(|nudged| Some(nudged? - residual)).collect::<Option<_>>()?;
-        let (slopes, precision) = (DMatrix::from_columns(&slopes), self.precision());
+        let nudged = self.residuals(&groups.iter().map(nudged).collect::<Vec<_>>());
+        let mut slopes = DMatrix::zeros(residual.len(), at.len());
+        for (group, nudged) in groups.iter().zip(nudged) {
+            let nudged = nudged?;
+            for &k in group {
+                for row in rows_near(self.recorded, &self.numbers[k].channels).into_iter().flatten() {
+                    slopes[(row, k)] = nudged[row] - residual[row];
+                }
+            }
+        }
+        let precision = self.precision();
         let normal = slopes.tr_mul(&slopes) + DMatrix::from_diagonal(&precision);
         let downhill = -(slopes.tr_mul(residual) + precision.component_mul(at));
         Some(normal.cholesky().map_or_else(|| DVector::zeros(at.len()), |normal| normal.solve(&downhill)))
@@ -134,10 +150,20 @@ impl StartSearch<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::residual_model::{RecordedLog, StartNumber};
+    use crate::residual_model::MeasuredChannel;
     use btr_core::world::WorldError;
     use proptest::prelude::*;
+    use std::ops::Range;
     use std::sync::atomic::{AtomicUsize, Ordering};
+
+    fn channel(name: &str, samples: Range<usize>) -> MeasuredChannel {
+        let (name, unit) = (name.to_owned(), "m".to_owned());
+        MeasuredChannel { name, unit, sigma: 1.0, sensor: 1.0, offset_differs: false, samples }
+    }
+
+    fn log(channels: Vec<MeasuredChannel>) -> RecordedLog {
+        RecordedLog { name: String::new(), held_out: false, channels, present: 0 }
+    }
 
     /// Throws of a ball, measured without noise, whose true start differs from the recorded one; the last one's start
     /// is not searched.
@@ -149,7 +175,7 @@ mod tests {
 
     impl Throws {
         fn that_began(began: &[[f64; 2]]) -> Self {
-            let log = RecordedLog { name: String::new(), held_out: false, channels: Vec::new(), present: 0 };
+            let log = log(vec![channel("q_ball", 0..100)]);
             let (logs, began) = (vec![log; began.len()], began.to_vec());
             Throws { logs, began, simulated: AtomicUsize::new(0) }
         }
@@ -177,6 +203,51 @@ mod tests {
             };
             requests.iter().map(residual).collect()
         }
+    }
+
+    /// Two balls in one log that are rolled uphill side by side, each with a start of its own.
+    struct SideBySide(ModelDescription);
+
+    const ROWS: usize = 50;
+
+    impl SideBySide {
+        fn new(names: [&[&str]; 2]) -> Self {
+            let log = log(vec![channel("q_left", 0..ROWS), channel("q_right", ROWS..2 * ROWS)]);
+            let mut description = ModelDescription::new(Vec::new(), vec![log]);
+            let number = |k: usize| StartNumber {
+                channels: names[k / 2].iter().map(|&name| name.to_owned()).collect(),
+                search_sd: Some(100.0),
+            };
+            description.starts[0].numbers = (0..4).map(number).collect();
+            SideBySide(description)
+        }
+    }
+
+    impl ResidualModel for SideBySide {
+        fn description(&self) -> ModelDescription {
+            self.0.clone()
+        }
+
+        fn residuals(&self, requests: &[ResidualRequest], _: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
+            let rolled = |q: f64, dq: f64, t: f64| q + 30.0 * (dq * t / 30.0).sin();
+            let row = |moved: &[f64], row: usize| {
+                let (ball, t) = (row / ROWS, 0.05 * (row % ROWS) as f64);
+                rolled(5.0, -8.0, t) - rolled(moved[2 * ball], moved[2 * ball + 1], t)
+            };
+            requests.iter().map(|r| Ok((0..2 * ROWS).map(|k| row(r.moved, k)).collect())).collect()
+        }
+    }
+
+    #[test]
+    fn numbers_that_show_in_different_channels_share_rollouts() {
+        let search = |names| {
+            let model = SideBySide::new(names);
+            nearest_starts(&model, &model.description(), &[], 0.2)
+        };
+        let ((apart, few), (alone, many)) = (search([&["q_left"], &["q_right"]]), search([&[], &[]]));
+        assert!(apart[0].by.iter().zip([5.0, -8.0, 5.0, -8.0]).all(|(by, truth)| (by - truth).abs() < SETTLED));
+        // Each step takes two rollouts fewer.
+        assert!(apart == alone && few < many, "{apart:?} {alone:?} {few} {many}");
     }
 
     proptest! {

@@ -16,12 +16,15 @@ const UNSEEN: f64 = 0.03;
 /// For each log, the responses of its windows to their start states.
 pub(in crate::fit) struct StartStates(Vec<Vec<StartWindow>>);
 
-/// The responses of some rows of a residual to their start state: orthonormal columns, and the share of each that is
+/// The responses of some rows of a residual to their start state: orthonormal directions.
+struct StartWindow(Vec<Direction>);
+
+/// A direction of a residual in its rows that are not 0, as a start shows in one limb alone, and the share of it that is
 /// projected out.
-struct StartWindow {
+struct Direction {
     rows: Vec<usize>,
-    basis: DMatrix<f64>,
-    shares: Vec<f64>,
+    values: Vec<f64>,
+    share: f64,
 }
 
 /// A rollout in which some numbers of a log's start are nudged.
@@ -84,7 +87,7 @@ impl StartStates {
     /// Degrees of freedom that the start of a log takes from its residual. A start with a prior takes none: the
     /// residual stays white.
     pub(in crate::fit) fn rank(&self, log: usize) -> usize {
-        self.0[log].iter().flat_map(|window| &window.shares).filter(|share| **share >= 1.0).count()
+        self.0[log].iter().flat_map(|window| &window.0).filter(|direction| direction.share >= 1.0).count()
     }
 
     /// Projects the response to the start state out of a residual.
@@ -134,38 +137,46 @@ impl StartWindow {
         let (basis, shares) = if spread.is_finite() {
             whitening(rows.len(), &columns, spread)
         } else {
-            let basis = orthonormal(rows.len(), columns);
-            let shares = vec![1.0; basis.ncols()];
+            let basis = orthonormal(columns);
+            let shares = vec![1.0; basis.len()];
             (basis, shares)
         };
-        StartWindow { rows, basis, shares }
+        StartWindow(basis.iter().zip(shares).map(|(column, share)| Direction::of(&rows, column, share)).collect())
     }
 
     fn project(&self, residual: &mut [f64]) {
-        for (column, share) in self.basis.column_iter().zip(&self.shares) {
-            let along: f64 = column.iter().zip(&self.rows).map(|(c, &row)| c * residual[row]).sum();
-            column.iter().zip(&self.rows).for_each(|(c, &row)| residual[row] -= share * along * c);
-        }
+        self.0.iter().for_each(|direction| direction.project(residual));
+    }
+}
+
+impl Direction {
+    fn of(rows: &[usize], column: &DVector<f64>, share: f64) -> Self {
+        let (rows, values) = rows.iter().zip(column.iter()).filter(|(_, value)| **value != 0.0).unzip();
+        Direction { rows, values, share }
+    }
+
+    fn project(&self, residual: &mut [f64]) {
+        let along: f64 = self.values.iter().zip(&self.rows).map(|(value, &row)| value * residual[row]).sum();
+        self.values.iter().zip(&self.rows).for_each(|(value, &row)| residual[row] -= self.share * along * value);
     }
 }
 
 /// Directions of B, and the share that the whitening removes of each.
-fn whitening(rows: usize, columns: &[DVector<f64>], spread: f64) -> (DMatrix<f64>, Vec<f64>) {
+fn whitening(rows: usize, columns: &[DVector<f64>], spread: f64) -> (Vec<DVector<f64>>, Vec<f64>) {
     if columns.is_empty() || rows == 0 {
-        return (DMatrix::zeros(rows, 0), Vec::new());
+        return (Vec::new(), Vec::new());
     }
     let responses = DMatrix::from_columns(columns) * spread;
     let eigen = responses.tr_mul(&responses).symmetric_eigen();
     let lengths = eigen.eigenvalues.map(|square| square.max(0.0).sqrt());
     let seen: Vec<usize> = (0..columns.len()).filter(|&k| lengths[k] > UNSEEN).collect();
-    let basis: Vec<DVector<f64>> =
-        seen.iter().map(|&k| &responses * eigen.eigenvectors.column(k) / lengths[k]).collect();
+    let basis = seen.iter().map(|&k| &responses * eigen.eigenvectors.column(k) / lengths[k]).collect();
     let shares = seen.iter().map(|&k| 1.0 - (1.0 + lengths[k].powi(2)).powf(-0.5)).collect();
-    (if basis.is_empty() { DMatrix::zeros(rows, 0) } else { DMatrix::from_columns(&basis) }, shares)
+    (basis, shares)
 }
 
 /// A basis of the same space (Gram-Schmidt, twice because of rounding).
-fn orthonormal(rows: usize, columns: Vec<DVector<f64>>) -> DMatrix<f64> {
+fn orthonormal(columns: Vec<DVector<f64>>) -> Vec<DVector<f64>> {
     let longest = columns.iter().map(|c| c.norm()).fold(0.0, f64::max);
     let mut basis: Vec<DVector<f64>> = Vec::new();
     for mut column in columns {
@@ -177,7 +188,7 @@ fn orthonormal(rows: usize, columns: Vec<DVector<f64>>) -> DMatrix<f64> {
             basis.push(column / norm);
         }
     }
-    if basis.is_empty() { DMatrix::zeros(rows, 0) } else { DMatrix::from_columns(&basis) }
+    basis
 }
 
 #[cfg(test)]
