@@ -2,8 +2,8 @@
 
 use super::derivative::columns;
 use super::objective::{LogSet, Objective};
-use super::residual_vector::chi;
-use super::solve::{FitPoint, SearchBudget};
+use super::residual_vector::{chi, corrected};
+use super::solve::{FitPoint, SearchBudget, cost};
 
 /// Sizes that are tried, in typical deviations: from the first one on, each larger by the factor.
 const LEAST: f64 = 0.05;
@@ -12,25 +12,60 @@ const SIZES: i32 = 18;
 /// How the other parameters follow.
 const FOLLOWING: SearchBudget = SearchBudget { jacobians: 1, steps: 6 };
 
+/// A size of an amplitude, as a coordinate, and the cost with it.
+#[derive(Clone, Copy)]
+struct Size {
+    parameter: usize,
+    u: f64,
+    cost: f64,
+}
+
 impl FitPoint {
-    /// While something is left to explain, tries other sizes of amplitudes that have no slope.
+    /// While something is left to explain, tries other sizes of amplitudes that have no slope: each alone, then all that
+    /// lower the cost together.
     pub(crate) fn leave_dead_sizes(&mut self, objective: &Objective) {
         if chi(self.squares(), objective.samples(LogSet::Learn)) <= objective.noise_bound() {
             return;
         }
-        for parameter in self.dead(objective) {
-            let sized = |k: i32| {
-                let mut u = self.u.clone();
-                u[parameter] = objective.parameters()[parameter].clamp(LEAST * FACTOR.powi(k));
-                u
-            };
-            let tried = self.at_points(objective, (0..SIZES).map(sized).collect());
-            let best = tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
-            if let Some(mut best) = best.filter(|best| best.cost < self.cost) {
-                best.solve(objective, FOLLOWING);
-                *self = best;
-            }
+        let sizes = self.better_sizes(objective, &self.dead(objective));
+        let Some(most) = sizes.iter().min_by(|a, b| a.cost.total_cmp(&b.cost)) else { return };
+        let with = |sizes: &[Size]| {
+            let mut u = self.u.clone();
+            sizes.iter().for_each(|size| u[size.parameter] = size.u);
+            u
+        };
+        let tried = self.at_points(objective, vec![with(&sizes), with(std::slice::from_ref(most))]);
+        if let Some(mut best) = tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)) {
+            best.solve(objective, FOLLOWING);
+            *self = best;
         }
+    }
+
+    /// The best other size of each of these amplitudes that lowers the cost, as all others stay.
+    fn better_sizes(&self, objective: &Objective, dead: &[usize]) -> Vec<Size> {
+        let (parameters, bare) = (objective.parameters(), self.bare());
+        let with = |&(parameter, k): &(usize, i32)| {
+            let mut u = self.u.clone();
+            u[parameter] = parameters[parameter].clamp(LEAST * FACTOR.powi(k));
+            (parameter, u)
+        };
+        let all: Vec<(usize, i32)> =
+            (0..SIZES).flat_map(|k| dead.iter().map(move |&parameter| (parameter, k))).collect();
+        let mut tried: Vec<Size> = Vec::new();
+        // No more at once than a Jacobian holds.
+        for some in all.chunks(self.active.len().max(dead.len())) {
+            let points: Vec<_> = some.iter().map(with).collect();
+            let residuals = objective.moved(&points, &self.u, &bare);
+            tried.extend(points.into_iter().zip(residuals).filter_map(|((parameter, u), residual)| {
+                let residual = corrected(residual.ok()?, &self.step_error);
+                Some(Size { parameter, u: u[parameter], cost: cost(parameters, &self.active, &u, &residual) })
+            }));
+        }
+        let best = |&parameter: &usize| {
+            let of = tried.iter().filter(|size| size.parameter == parameter);
+            of.min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(|best| best.cost < self.cost).copied()
+        };
+        dead.iter().filter_map(best).collect()
     }
 
     /// The active amplitudes that the residual does not depend on near their values.
