@@ -19,7 +19,7 @@ pub(in crate::fit) struct StartStates(Vec<Vec<StartWindow>>);
 /// The responses of some rows of a residual to their start state: orthonormal directions.
 struct StartWindow(Vec<Direction>);
 
-/// A direction of a residual in its rows that are not 0, as a start shows in one limb alone, and the share of it that is
+/// A direction of a residual in its rows that are not 0 (a start may show in one limb alone), and the share of it that is
 /// projected out.
 struct Direction {
     rows: Vec<usize>,
