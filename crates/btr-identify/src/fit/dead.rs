@@ -21,8 +21,8 @@ struct Size {
 }
 
 impl FitPoint {
-    /// While something is left to explain, tries other sizes of amplitudes that have no slope: each alone, then together
-    /// all that lower the cost.
+    /// While something is left to explain, tries other sizes of amplitudes that have no slope: each alone, then all
+    /// together that lower the cost.
     pub(crate) fn leave_dead_sizes(&mut self, objective: &Objective) {
         if chi(self.squares(), objective.samples(LogSet::Learn)) <= objective.noise_bound() {
             return;

@@ -19,8 +19,8 @@ pub(in crate::fit) struct StartStates(Vec<Vec<StartWindow>>);
 /// The responses of some rows of a residual to their start state: orthonormal directions.
 struct StartWindow(Vec<Direction>);
 
-/// A direction of a residual in its rows that are not 0 (a start may show in one limb alone), and the share of it that is
-/// projected out.
+/// A direction of a residual, in its rows that are not 0 (a start may show in one limb alone), and the share of it that
+/// is projected out.
 struct Direction {
     rows: Vec<usize>,
     values: Vec<f64>,
@@ -77,7 +77,7 @@ impl StartStates {
                 changes.into_iter().map(|(_, change)| change).chain(offsets(&description.logs[log], usual)).collect();
             rows(description, log)
                 .into_iter()
-                .map(|rows| StartWindow::new(rows, &changes, description.start_spread))
+                .map(|rows| StartWindow::new(&rows, &changes, description.start_spread))
                 .collect()
         };
         let starts = (0..description.logs.len()).map(windows).collect();
@@ -131,7 +131,7 @@ fn rows(description: &ModelDescription, log: usize) -> Vec<Vec<usize>> {
 }
 
 impl StartWindow {
-    fn new(rows: Vec<usize>, changes: &[Vec<f64>], spread: f64) -> Self {
+    fn new(rows: &[usize], changes: &[Vec<f64>], spread: f64) -> Self {
         let in_window = |change: &Vec<f64>| DVector::from_iterator(rows.len(), rows.iter().map(|&row| change[row]));
         let columns: Vec<DVector<f64>> = changes.iter().map(in_window).collect();
         let (basis, shares) = if spread.is_finite() {
@@ -141,7 +141,7 @@ impl StartWindow {
             let shares = vec![1.0; basis.len()];
             (basis, shares)
         };
-        StartWindow(basis.iter().zip(shares).map(|(column, share)| Direction::of(&rows, column, share)).collect())
+        StartWindow(basis.iter().zip(shares).map(|(column, share)| Direction::of(rows, column, share)).collect())
     }
 
     fn project(&self, residual: &mut [f64]) {
@@ -202,7 +202,7 @@ mod tests {
     fn starts(spread: f64) -> StartStates {
         let columns = [decay(0.1), decay(0.5), decay(0.1) * 3.0 + decay(0.5)];
         let columns: Vec<Vec<f64>> = columns.iter().map(|c| c.iter().copied().collect()).collect();
-        StartStates(vec![vec![StartWindow::new((0..50).collect(), &columns, spread)]])
+        StartStates(vec![vec![StartWindow::new(&(0..50).collect::<Vec<_>>(), &columns, spread)]])
     }
 
     #[test]
