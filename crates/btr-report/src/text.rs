@@ -3,7 +3,7 @@
 use crate::Subject;
 use crate::table::{maybe, number};
 use btr_identify::compare::ChannelError;
-use btr_identify::diagnose::Verdict;
+use btr_identify::diagnose::{StandIn, Verdict};
 use btr_identify::fit::{Degree, Estimate, RemainingError};
 use btr_identify::quality::Severity;
 use btr_identify::residual_model::TimeStep;
@@ -168,6 +168,16 @@ pub fn evidence(support: &Support) -> String {
         };
     }
     if *established { by } else { format!("{by}: not established, it may stand in for something else") }
+}
+
+/// A free parameter that may stand in for an effect.
+pub fn stand_in(stand_in: &StandIn) -> String {
+    let StandIn { parameter, unit, in_model, value, effects } = stand_in;
+    let (value, in_model, effects) = (number(*value), number(*in_model), effects.join(" or "));
+    format!(
+        "{parameter} ended at {value} {unit}, and the model states {in_model}: with that, {effects} would explain these logs \
+         as well; --freeze {parameter} if you know it"
+    )
 }
 
 /// "coulomb_friction on yaw; backlash on elbow", and likewise for values; only the established ones if any is.

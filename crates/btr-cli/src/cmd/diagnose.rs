@@ -15,7 +15,7 @@ use btr_lab::verbs::{DiagnoseReport, Support, VerbInput};
 use btr_report::Subject;
 use btr_report::html;
 use btr_report::table::{Table, number};
-use btr_report::text::{evidence, findings, fit_command, what_remains};
+use btr_report::text::{evidence, findings, fit_command, stand_in, what_remains};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -119,6 +119,7 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
     }
     report.shows_noise().iter().for_each(|sentence| println!("{sentence}"));
     report.shows_left_over().iter().for_each(|sentence| println!("{sentence}"));
+    report.stand_ins.iter().for_each(|one| println!("{}", stand_in(one)));
     report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));
     btr_report::text::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
     btr_report::text::given(&report.frozen, &report.with_prior).iter().for_each(|sentence| println!("{sentence}"));

@@ -17,12 +17,13 @@ mod residual_law;
 mod round;
 mod screen;
 mod short_parts;
+mod stand_ins;
 mod state;
 pub mod thresholds;
 mod together;
 
 pub use beginning::with_effects;
-pub use report::{DiagnoseOptions, Diagnosis, Evidence, MissingEffect, RankedCandidate, RivalPoint, Verdict};
+pub use report::{DiagnoseOptions, Diagnosis, Evidence, MissingEffect, RankedCandidate, RivalPoint, StandIn, Verdict};
 pub use residual_law::ResidualLaw;
 
 use crate::LadderStep;
@@ -37,6 +38,7 @@ use refit::Rival;
 use report::{SEARCH, SecondLooks};
 use residual_law::residual_law;
 use round::round;
+use stand_ins::stand_ins;
 use state::DiagnosisState;
 use thresholds::{AT_MOST_WITH_LEFT_OVER, LEFT_OVER};
 use together::two;
@@ -236,6 +238,10 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
     let free = &objective.description.free;
     let at_bound =
         all.iter().filter(|(parameter, e)| free.contains(parameter) && e.at_bound).map(|(_, e)| e.name.clone());
+    let stand_ins = match leaves || stopped || objective.description.is_decoupled {
+        true => Vec::new(),
+        false => stand_ins(objective, &state),
+    };
     let rollouts = objective.rollouts();
     let channels = remaining(objective, &state.fit.u);
     let degree = match verdict {
@@ -256,6 +262,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
         ladder: state.ladder,
         rivals: state.rivals,
         residual_law: law,
+        stand_ins,
         cut_short: false,
         glitches: objective.description.glitches.clone(),
         rollouts,

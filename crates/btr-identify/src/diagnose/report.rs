@@ -157,6 +157,21 @@ pub struct RivalPoint {
     pub u: Vec<f64>,
 }
 
+/// A free parameter that may stand in for an effect.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StandIn {
+    /// The parameter.
+    pub parameter: String,
+    /// Its unit.
+    pub unit: String,
+    /// Its value in the model.
+    pub in_model: f64,
+    /// Its value in the logs, without the effect.
+    pub value: f64,
+    /// `effect@site` of each effect that explains the logs as well while the parameter keeps the model's value.
+    pub effects: Vec<String>,
+}
+
 /// The whole diagnosis.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
@@ -189,6 +204,8 @@ pub struct Diagnosis {
     pub rivals: Vec<RivalPoint>,
     /// With the verdict `Unexplained`: a law that fits the error, if there is one.
     pub residual_law: Option<ResidualLaw>,
+    /// Where nothing is left to explain: free parameters that may stand in for an effect.
+    pub stand_ins: Vec<StandIn>,
     /// Whether the limit of rollouts ended it.
     pub cut_short: bool,
     /// The glitches that showed beside a fitted model and were left out, each with its log.

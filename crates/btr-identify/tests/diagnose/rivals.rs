@@ -2,7 +2,7 @@
 
 use crate::synthetic::{NO_STEP, PERIOD_S, SyntheticModel, names, swing};
 use btr_identify::diagnose::{Diagnosis, Verdict};
-use btr_identify::residual_model::Needs;
+use btr_identify::residual_model::{FitParameter, Needs};
 
 /// Beside a large error of another cause, two laws are alike; without it, one of them is right.
 #[test]
@@ -219,4 +219,28 @@ fn a_larger_law_is_found_together_with_its_companion() {
     let diagnosis = model.diagnosis();
     let steps: Vec<&str> = diagnosis.ladder.iter().map(|step| step.step.as_str()).collect();
     assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["larger", "creep"]), "{steps:?}");
+}
+
+/// What the logs cannot tell apart, the user may know: the parameter that moved is told with the effect that would do
+/// the same, unless nothing does, or the logs tell them apart.
+#[test]
+fn a_parameter_that_moved_far_is_told_with_the_effect_that_it_may_stand_in_for() {
+    let ask = |rate: f64, gain: f64| {
+        let motion = move |u: &[f64], log: usize, t: f64, _: f64| {
+            9.0 * (1.0 + u[0]) * swing(3.0, log, t) + u[1] * swing(rate, log, t)
+        };
+        let mut model = SyntheticModel::new(&["friction"], &[gain, 0.0], motion);
+        model.parameters[0] = FitParameter { name: "gain@here".to_owned(), origin: 1.0, ..model.parameters[0].clone() };
+        let diagnosis = model.diagnosis();
+        assert_eq!(diagnosis.verdict, Verdict::NothingMissing, "{:?}", diagnosis.ladder);
+        diagnosis.stand_ins
+    };
+    let told = &ask(3.0, 0.6)[0];
+    assert_eq!(
+        (told.parameter.as_str(), told.in_model, &told.effects[..]),
+        ("gain@here", 1.0, &["friction@here".into()][..])
+    );
+    assert!((told.value - 1.6).abs() < 0.05, "{told:?}");
+    // Another motion, and a gain that hardly moved.
+    assert_eq!((ask(5.0, 0.6), ask(3.0, 0.05)), (vec![], vec![]));
 }

@@ -117,6 +117,7 @@ pub fn diagnose(
         noise_floor: input.floors(),
         unexplained_share: diagnosis.unexplained_share,
         left_over: diagnosis.left_over.clone(),
+        stand_ins: diagnosis.stand_ins.clone(),
         noise_stated_low: match diagnosis.verdict {
             Verdict::Unexplained | Verdict::PartlyExplained => stated_low(input, &diagnosis),
             Verdict::EffectMissing | Verdict::ValueWrong | Verdict::NothingMissing => Vec::new(),

@@ -4,7 +4,7 @@ use super::next_experiment::NextExperiment;
 use crate::experiment::LeftOutLog;
 use crate::identification::{Doubt, FittedGlitch, NoiseFloor, VerbInput};
 use btr_identify::LadderStep;
-use btr_identify::diagnose::{MissingEffect, RankedCandidate, Verdict};
+use btr_identify::diagnose::{MissingEffect, RankedCandidate, StandIn, Verdict};
 use btr_identify::fit::{Degree, Estimate, NOISE, RemainingError};
 use btr_identify::residual_model::CandidateKind;
 use btr_physics::effects::FormulaTarget;
@@ -177,6 +177,10 @@ pub struct DiagnoseReport {
     /// be named. What is named may then stand in for something else.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_over: Option<RankedCandidate>,
+    /// Where the verdict explains the error: free parameters that ended far from the model's values, while an effect
+    /// would explain the logs as well with these values.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub stand_ins: Vec<StandIn>,
     /// Where an error is left: channels whose noise seems to be stated too low.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub noise_stated_low: Vec<StatedLow>,

@@ -7,7 +7,7 @@ use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
 use crate::text::{
-    CORRECTED, ESTIMATES, corrected, estimate, evidence, findings, fit_command, integrator, what_remains,
+    CORRECTED, ESTIMATES, corrected, estimate, evidence, findings, fit_command, integrator, stand_in, what_remains,
 };
 use btr_core::log::Log;
 use btr_identify::LadderStep;
@@ -74,7 +74,10 @@ fn sentence(found: &DiagnoseReport) -> String {
     let noted = |sentence: String| format!(" Note that {sentence}.");
     let where_judged: String = notes.map(noted).collect();
     let limited = (found.degree == Degree::ExplainedToRepeatability).then(|| what_remains(found.degree).to_owned());
-    let left_over: String = limited.into_iter().chain(found.shows_left_over()).map(noted).collect();
+    let left_over: String = {
+        let stand_ins = found.stand_ins.iter().map(stand_in);
+        limited.into_iter().chain(found.shows_left_over()).chain(stand_ins).map(noted).collect()
+    };
     match (found.verdict, names.is_empty()) {
         (Verdict::EffectMissing, _) => {
             format!(
@@ -92,7 +95,10 @@ fn sentence(found: &DiagnoseReport) -> String {
             )
         }
         (Verdict::NothingMissing, _) => {
-            format!("Nothing is missing: the error on {on} is {last} {times}, and {}.", what_remains(found.degree))
+            format!(
+                "Nothing is missing: the error on {on} is {last} {times}, and {}.{left_over}",
+                what_remains(found.degree)
+            )
         }
         (Verdict::Unexplained, true) => format!(
             "Something is missing that no effect of the library explains: the error on {on} stays at {last} {times}; {share}.{where_judged}"

@@ -57,6 +57,21 @@ class ValueReport(Support):
     """The values; their names are arguments of `add` and `fit`."""
 
 
+class StandIn(Record):
+    """A free parameter that may stand in for an effect."""
+
+    parameter: str
+    """The parameter."""
+    unit: str
+    """Its unit."""
+    in_model: float
+    """Its value in the model."""
+    value: float
+    """Its value in the logs, without the effect."""
+    effects: list[str]
+    """`effect@site` of each effect that explains the logs as well while the parameter keeps the model's value."""
+
+
 class RankedCandidate(Record):
     """A candidate that was fitted in a round."""
 

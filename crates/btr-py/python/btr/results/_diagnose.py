@@ -41,6 +41,9 @@ class DiagnoseResult(Reported):
     left_over: doc.RankedCandidate | None
     """If the verdict explains the error: a candidate that would still explain more for certain, but too little to be
     named; what is named may then stand in for something else. None if there is none."""
+    stand_ins: list[doc.StandIn]
+    """If the verdict explains the error: free parameters that ended far from the model's values, while an effect would
+    explain the logs as well with these values."""
     noise_stated_low: list[doc.StatedLow]
     """If nothing explains the error and it is white: channels whose readings show more noise than the model states."""
     residual_law: doc.LawReport | None
@@ -121,10 +124,15 @@ class DiagnoseResult(Reported):
         low = ", ".join(f"{n.channel} shows {n.shown:.2g} {n.unit} of {n.stated:.2g}" for n in self.noise_stated_low)
         noise = f"\nwhat is left is white: is [noise] stated too low? {low}" if low else ""
         left = self.left_over
+        taken = [
+            f"\n{s.parameter} ended at {s.value:.4g} {s.unit}, and the model states {s.in_model:.4g}: with that, "
+            f"{' or '.join(s.effects)} would explain these logs as well; freeze it if you know it"
+            for s in self.stand_ins
+        ]
         rest = f"\na small error is left that is not noise: {left.name} would explain some of it" if left else ""
         proposal = f"\nnext experiment: {experiment.sentence}" if experiment else ""
         early = "\nstopped before the search had finished: this is the best so far" if self.cut_short else ""
-        return "".join(lines) + early + noise + rest + "".join(alike) + like + beside + proposal
+        return "".join(lines) + early + noise + rest + "".join(taken) + "".join(alike) + like + beside + proposal
 
     def _table(self) -> Rows:
         return [{"step": s.step, "error (x noise floor)": s.train, "held out": s.held_out} for s in self.error_ladder]
