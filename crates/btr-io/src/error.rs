@@ -87,14 +87,6 @@ pub enum IoError {
         /// The names in the file.
         columns: Vec<String>,
     },
-    /// Cells that are not separated by commas.
-    #[error("{}:1: the cells are separated by {what}, not commas", path.display())]
-    Separator {
-        /// The file.
-        path: PathBuf,
-        /// The separator found.
-        what: &'static str,
-    },
     /// A clock that does not increase.
     #[error("{}:{line}: time does not increase: {before_s} s, then {after_s} s", path.display())]
     Clock {
@@ -219,7 +211,6 @@ impl IoError {
             | IoError::Empty { .. }
             | IoError::NoSamples { .. }
             | IoError::NoTime { .. }
-            | IoError::Separator { .. }
             | IoError::Clock { .. }
             | IoError::NotANumber { .. }
             | IoError::Cells { .. }
@@ -265,7 +256,6 @@ impl IoError {
                 "the file holds no samples; record again, or leave it out".into()
             }
             IoError::NoTime { .. } => "name the time column in the model's [channels] table: time = \"...\"".into(),
-            IoError::Separator { .. } => "save it with commas between the cells, and points in the numbers".into(),
             IoError::Clock { .. } => "sort the file by time and remove repeated samples, then try again".into(),
             IoError::NotANumber { .. } => {
                 "leave the cell empty (or write nan) where a sample is missing; a command that is missing for more than 50 ms \

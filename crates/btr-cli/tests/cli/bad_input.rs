@@ -269,7 +269,7 @@ fn logs() {
         "t,cmd_hinge,q_hinge\n0,0,0\n1,zero,0\n",
         "t,cmd_hinge,q_hinge\n0,0,0,0\n",
         "when,cmd_hinge,q_hinge\n0,0,0\n",
-        "t;cmd_hinge;q_hinge\n0;0;0\n",
+        "t;cmd_hinge;q_hinge\n0,00;0;0\n0,01;1.234;0\n",
         "t,cmd_hinge,q_hinge\n0,0,0\n10,0,0\n20,0,0\n",
         "t,cmd_hinge,q_hinge\n0,0,0\n10000,0,0\n20000,0,0\n",
     ];

@@ -93,3 +93,22 @@ proptest! {
         let _ = csv::read(Path::new("x.csv"), lines.as_bytes(), &Mapping::default());
     }
 }
+
+#[test]
+fn semicolons_and_tabs_may_separate_cells_of_numbers_with_commas() {
+    let comma = format!("{:?}", read("t,q_hip,q_knee\n0,0.5,1e3\n0.25,,-2\n", "").unwrap().0);
+    for text in [
+        "t;q_hip;q_knee\n0;0,5;1e3\n0,25;; -2,0\n",
+        "t;q_hip;q_knee\r\n0;0.5;1e3\r\n0.25;nan;-2\r\n",
+        "\u{feff}t\tq_hip\tq_knee\n0\t0,5\t1e3\n0,25\t\t-2\n",
+    ] {
+        assert_eq!(format!("{:?}", read(text, "").unwrap().0), comma, "{text}");
+    }
+    // A comma between thousands is no point.
+    for text in ["t;q_hip\n0;0.5\n0.1;1,234\n", "t;q_hip\n0;0,5\n0,1;1.234\n", "t;q_hip\n0;1,234.5\n"] {
+        assert!(matches!(read(text, ""), Err(IoError::NotANumber { .. })), "{text}");
+    }
+    // The header decides, by the separator that it has most of.
+    let commented = read("t;\"q_hip\";\"note; at 1,5 V\"\n0;0,5;ok\n1;0,6;not, ok\n", "").unwrap().0;
+    assert_eq!(commented.channel("q_hip").unwrap().values, [0.5, 0.6]);
+}

@@ -1,9 +1,13 @@
 //! Logs as CSV: a header, a column `t` in seconds, one column per channel; empty cells are missing samples. The meaning
 //! of a missing command is decided by the simulation.
 //!
-//! Limitations: commas between cells, points in numbers, UTF-8. Headers are written without units, so a channel whose
+//! Cells are separated by commas, semicolons or tabs; with the latter two, numbers may have commas ([`style`]).
+//! Limitations: UTF-8. Headers are written without units, so a channel whose
 //! unit is not the usual one of its name (a slide's `q_slider` in m) reads back with the usual one; MCAP keeps units.
 
+mod style;
+
+use self::style::Style;
 use super::error::{IoError, Warning};
 use crate::channels::mapping::Mapping;
 use crate::channels::names::{Meaning, header};
@@ -11,19 +15,20 @@ use crate::channels::series::{NamedSeries, assemble, check_size};
 use btr_core::limits::LONGEST_LINE;
 use btr_core::log::{Log, Role};
 use csv::StringRecord;
-use std::io::{self, Read, Write};
+use std::io::{self, BufReader, Read, Write};
 use std::path::Path;
 
 /// Names of the time column that are recognised without a mapping.
 pub(super) const TIME: [&str; 4] = ["t", "t_s", "time", "time_s"];
 
+/// Bytes of a file's beginning that show its style.
+const BEGINNING: usize = 1 << 16;
+
 /// Reads a log. `path` is used in messages only.
 pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
     let broken = |e: csv::Error| broken(path, e);
-    let bytes = Lines { bytes, length: 0 };
-    // Cells are trimmed on demand: trimming in csv would allocate a record per row.
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::Headers).flexible(true).from_reader(bytes);
-    let mut table = CsvColumns::new(path, reader.headers().map_err(broken)?, mapping)?;
+    let (style, mut reader) = reader(path, bytes)?;
+    let mut table = CsvColumns::new(path, reader.headers().map_err(broken)?, mapping, style)?;
     let expected = table.columns.len();
     let mut row = StringRecord::new();
     let mut short = None;
@@ -48,13 +53,22 @@ pub(crate) fn read(path: &Path, bytes: impl Read, mapping: &Mapping) -> Result<(
 
 /// The names in the header.
 pub(crate) fn columns(path: &Path, bytes: impl Read) -> Result<Vec<String>, IoError> {
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::Headers).from_reader(Lines { bytes, length: 0 });
+    let (_, mut reader) = reader(path, bytes)?;
     let header = reader.headers().map_err(|e| broken(path, e))?;
-    match separator(header) {
-        _ if header.is_empty() => Err(IoError::Empty { path: path.to_owned() }),
-        Some(what) => Err(IoError::Separator { path: path.to_owned(), what }),
-        None => Ok(header.iter().map(str::to_owned).collect()),
+    if header.is_empty() {
+        return Err(IoError::Empty { path: path.to_owned() });
     }
+    Ok(header.iter().map(str::to_owned).collect())
+}
+
+/// A reader of rows, and how their cells are written.
+fn reader<R: Read>(path: &Path, bytes: R) -> Result<(Style, csv::Reader<BufReader<Lines<R>>>), IoError> {
+    let mut bytes = BufReader::with_capacity(BEGINNING, Lines { bytes, length: 0 });
+    let style = Style::of(&mut bytes).map_err(|source| IoError::File { path: path.to_owned(), source })?;
+    // Cells are trimmed on demand: trimming in csv would allocate a record per row.
+    let mut builder = csv::ReaderBuilder::new();
+    builder.delimiter(style.separator).trim(csv::Trim::Headers).flexible(true);
+    Ok((style, builder.from_reader(bytes)))
 }
 
 /// An error of the file that is read, or of its text.
@@ -93,6 +107,7 @@ struct CsvColumns<'a> {
     seconds_per_unit: f64,
     clock_s: Vec<f64>,
     columns: Vec<CsvColumn>,
+    style: Style,
 }
 
 struct CsvColumn {
@@ -117,12 +132,9 @@ impl CsvColumn {
 }
 
 impl<'a> CsvColumns<'a> {
-    fn new(path: &'a Path, header: &StringRecord, mapping: &Mapping) -> Result<Self, IoError> {
+    fn new(path: &'a Path, header: &StringRecord, mapping: &Mapping, style: Style) -> Result<Self, IoError> {
         if header.is_empty() {
             return Err(IoError::Empty { path: path.to_owned() });
-        }
-        if let Some(what) = separator(header) {
-            return Err(IoError::Separator { path: path.to_owned(), what });
         }
         check_size(path, 0, header.len())?;
         let mapped = mapping.time.as_deref().and_then(|name| header.iter().position(|h| h == name));
@@ -139,6 +151,7 @@ impl<'a> CsvColumns<'a> {
             seconds_per_unit: mapping.seconds_per_unit(&header[time]),
             clock_s: Vec::new(),
             columns,
+            style,
         })
     }
 
@@ -148,7 +161,7 @@ impl<'a> CsvColumns<'a> {
             if i == self.time || column.text.is_some() {
                 continue;
             }
-            match number(text) {
+            match self.style.number(text) {
                 Some(value) => column.values.push(value),
                 None if column.required => return Err(not_a_number(self.path, line, &column.source, text)),
                 None => column.text = Some((line, text.trim().to_owned())),
@@ -158,7 +171,7 @@ impl<'a> CsvColumns<'a> {
     }
 
     fn tick(&mut self, line: u64, text: &str) -> Result<(), IoError> {
-        let time = number(text).filter(|t| t.is_finite());
+        let time = self.style.number(text).filter(|t| t.is_finite());
         let Some(time) = time else {
             return Err(not_a_number(self.path, line, &self.columns[self.time].source, text));
         };
@@ -189,24 +202,6 @@ impl<'a> CsvColumns<'a> {
         warnings.extend(more);
         Ok((log, warnings))
     }
-}
-
-/// The separator of a header without commas.
-fn separator(header: &StringRecord) -> Option<&'static str> {
-    let only = header.get(0).filter(|_| header.len() == 1)?;
-    [(';', "semicolons"), ('\t', "tabs")].into_iter().find(|(sign, _)| only.contains(*sign)).map(|(_, what)| what)
-}
-
-/// A cell's number, 1 and 0 for true and false; NaN for a missing sample, `None` for text and for infinities (no sensor
-/// measures those).
-fn number(text: &str) -> Option<f64> {
-    let finite = |text: &str| text.parse().ok().filter(|x: &f64| x.is_finite());
-    finite(text).or_else(|| match text.trim() {
-        missing if missing.is_empty() || missing.eq_ignore_ascii_case("nan") => Some(f64::NAN),
-        yes if yes.eq_ignore_ascii_case("true") => Some(1.0),
-        no if no.eq_ignore_ascii_case("false") => Some(0.0),
-        trimmed => finite(trimmed),
-    })
 }
 
 fn not_a_number(path: &Path, line: u64, column: &str, text: &str) -> IoError {
