@@ -61,8 +61,11 @@ pub(crate) fn columns(path: &Path, bytes: impl Read) -> Result<Vec<String>, IoEr
     Ok(header.iter().map(str::to_owned).collect())
 }
 
+/// The rows of a file.
+type Rows<R> = csv::Reader<BufReader<Lines<R>>>;
+
 /// A reader of rows, and how their cells are written.
-fn reader<R: Read>(path: &Path, bytes: R) -> Result<(Style, csv::Reader<BufReader<Lines<R>>>), IoError> {
+fn reader<R: Read>(path: &Path, bytes: R) -> Result<(Style, Rows<R>), IoError> {
     let mut bytes = BufReader::with_capacity(BEGINNING, Lines { bytes, length: 0 });
     let style = Style::of(&mut bytes).map_err(|source| IoError::File { path: path.to_owned(), source })?;
     // Cells are trimmed on demand: trimming in csv would allocate a record per row.

@@ -27,8 +27,8 @@ impl Style {
         Ok(Style { separator, has_commas: None })
     }
 
-    /// A cell's number, 1 and 0 for true and false; NaN for a missing sample, `None` for text, for infinities (no sensor
-    /// measures those), and for a number with the other sign than those before it.
+    /// A cell's number, 1 and 0 for true and false; NaN for a missing sample. `None` for text, for infinities (no
+    /// sensor measures those), and for a number that is written in another way than those before it.
     pub(super) fn number(&mut self, text: &str) -> Option<f64> {
         if self.separator != b',' && text.contains([',', '.']) {
             return self.broken_number(text);
