@@ -55,6 +55,8 @@ FURTHER = {
     "command_hysteresis": {"band": (0.01, 0.03)},
     "encoder_offset": {"offset": (0.02, 0.05)},
     "encoder_delay": {"delay": (0.01, 0.03)},
+    "backlash": {"gap": (0.02, 0.06)},
+    "joint_elasticity": {"stiffness": (40.0, 120.0), "damping": (0.01, 0.05)},
 }
 # What MuJoCo has attributes for.
 ATTRIBUTES = {

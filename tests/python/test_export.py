@@ -114,8 +114,9 @@ def test_an_effect_on_a_joint_that_the_model_lacks_is_refused(robot):
 
 def test_effects_that_the_stepper_does_not_know_are_named(robot):
     model = mujoco.MjModel.from_xml_path(str(robot))
-    effects = {"joints": {"yaw": [{"effect": "backlash", "gap": 0.1}]}, "robot": [{"effect": "voltage_sag", "sag": 1}]}
-    assert btr.mujoco.EffectStepper(model, effects).ignored == ["robot: voltage_sag", "yaw: backlash"]
+    unknown = {"effect": "presliding_friction", "torque": 0.1}
+    effects = {"joints": {"yaw": [unknown]}, "robot": [{"effect": "voltage_sag", "sag": 1}]}
+    assert btr.mujoco.EffectStepper(model, effects).ignored == ["robot: voltage_sag", "yaw: presliding_friction"]
 
 
 def test_a_step_leaves_the_model_as_it_was(robot):

@@ -1,6 +1,7 @@
 //! What is known of each joint and link, in the terms that other simulators share.
 
-use btr_physics::effects::{PlacedEffect, find};
+use btr_physics::effects::{PlacedEffect, UNKNOWN_ROTOR, find, rank};
+use btr_physics::engine::carried_inertia;
 use btr_physics::model::Outline;
 use btr_physics::robot::{Actuator, Joint, JointKind, Link, Robot};
 
@@ -16,6 +17,8 @@ pub(super) struct JointFacts {
     /// Infinite where unlimited.
     pub(super) torque_limit: f64,
     pub(super) armature: f64,
+    /// Inertia of a rotor behind a transmission that is not rigid, where no armature states it.
+    pub(super) unknown_rotor: f64,
     pub(super) viscous: f64,
     pub(super) coulomb: f64,
     /// Friction at rest, at least Coulomb's.
@@ -35,8 +38,9 @@ pub(super) struct JointFacts {
 
 /// The joints of a model.
 pub(super) fn joints(outline: &Outline) -> Vec<JointFacts> {
-    let links = outline.robot.movable().map(|(_, link)| link);
-    links.zip(&outline.joints).map(|(link, effects)| JointFacts::of(&link.joint, effects)).collect()
+    let links = outline.robot.movable().map(|(_, link)| link).zip(carried_inertia(&outline.robot));
+    let all = links.zip(&outline.joints);
+    all.map(|((link, carried), effects)| JointFacts::of(&link.joint, carried, effects)).collect()
 }
 
 /// What is said of a file without any of the joints.
@@ -49,7 +53,7 @@ pub(super) fn none_of(joints: &[JointFacts]) -> String {
 }
 
 impl JointFacts {
-    fn of(joint: &Joint, effects: &[PlacedEffect]) -> Self {
+    fn of(joint: &Joint, carried_inertia: f64, effects: &[PlacedEffect]) -> Self {
         let (gains, torque_limit) = match joint.actuator {
             Actuator::Position { kp, kd, max_torque, .. } => (Some((kp, kd)), max_torque),
             Actuator::Torque { max_torque } => (None, max_torque),
@@ -62,6 +66,7 @@ impl JointFacts {
             speed_limit: joint.speed_limit,
             torque_limit,
             armature: joint.armature,
+            unknown_rotor: UNKNOWN_ROTOR * carried_inertia,
             viscous: joint.damping,
             coulomb: joint.dry_friction,
             static_friction: joint.dry_friction,
@@ -106,6 +111,8 @@ impl JointFacts {
         let effect = find(name).filter(|_| values.iter().any(|value| *value != 0.0));
         let placed = |effect| PlacedEffect { effect, site: self.name.clone(), values: values.to_vec() };
         self.left.extend(effect.map(placed));
+        // A dead band compares a late command with the joint.
+        self.left.sort_by_key(rank);
     }
 
     /// Takes an effect into the values.

@@ -28,18 +28,36 @@ pub(super) fn gains(joint: &JointFacts) -> Option<String> {
 /// The effects that are left, as JSON: those of each joint in the order in which they act, with their parameters in SI
 /// units. `None` without any.
 pub(super) fn document(joints: &[JointFacts], others: &[PlacedEffect]) -> Option<String> {
-    let effect = |placed: &PlacedEffect| {
-        let values = placed.effect.spec().params.iter().zip(&placed.values);
-        let named = std::iter::once(("effect".to_owned(), json!(placed.effect.spec().name)));
-        Value::Object(named.chain(values.map(|(param, value)| (param.name.to_owned(), json!(value)))).collect())
-    };
-    let effects = |left: &[PlacedEffect]| left.iter().map(effect).collect::<Vec<_>>();
     let with_effects = joints.iter().filter(|joint| !joint.left.is_empty());
     let of_joints: Map<String, Value> =
-        with_effects.map(|joint| (joint.name.clone(), effects(&joint.left).into())).collect();
+        with_effects.map(|joint| (joint.name.clone(), effects_of(joint).into())).collect();
     if of_joints.is_empty() && others.is_empty() {
         return None;
     }
-    let document = json!({ "joints": of_joints, "robot": effects(others) });
+    let others: Vec<Value> = others.iter().map(|placed| Value::Object(values(placed))).collect();
+    let document = json!({ "joints": of_joints, "robot": others });
     serde_json::to_string_pretty(&document).ok().map(|text| text + "\n")
+}
+
+/// The effects of a joint that are left. Those with a rotor say its inertia, unless it is the joint's armature, which
+/// the one next to the motor has.
+fn effects_of(joint: &JointFacts) -> Vec<Value> {
+    let mut armature = joint.armature;
+    let effect = |placed: &PlacedEffect| {
+        let mut values = values(placed);
+        if placed.has_rotor() && std::mem::take(&mut armature) <= 0.0 {
+            values.insert("rotor_inertia".to_owned(), json!(joint.unknown_rotor));
+        }
+        Value::Object(values)
+    };
+    let mut effects: Vec<Value> = joint.left.iter().rev().map(effect).collect();
+    effects.reverse();
+    effects
+}
+
+/// An effect's name and values.
+fn values(placed: &PlacedEffect) -> Map<String, Value> {
+    let values = placed.effect.spec().params.iter().zip(&placed.values);
+    let named = std::iter::once(("effect".to_owned(), json!(placed.effect.spec().name)));
+    named.chain(values.map(|(param, value)| (param.name.to_owned(), json!(value)))).collect()
 }

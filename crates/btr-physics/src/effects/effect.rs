@@ -299,6 +299,12 @@ impl PlacedEffect {
         }
     }
 
+    /// Whether its joint has a rotor of its own, behind a transmission that is not rigid.
+    pub fn has_rotor(&self) -> bool {
+        let memory = vec![0.0; self.effect.memory(&self.values, 1.0)];
+        self.effect.motor_side(&memory, 0.0).is_some()
+    }
+
     /// Whether it does nothing: all its parameters except the shapes are off. A formula without parameters is on.
     pub fn is_off(&self) -> bool {
         let params = self.values.iter().zip(self.effect.spec().params);

@@ -13,6 +13,7 @@ pub use effect::{DryFriction, Effect, EffectSpec, MissingNeighbour, Param, Place
 pub use formula::error::FormulaError;
 pub use formula::law::{LawFunction, LawInputs, Laws};
 pub use formula::{FORMULA, FormulaTarget, formula, formula_or_function};
+pub use rotor::UNKNOWN_ROTOR;
 
 use btr_core::world::WorldError;
 
@@ -105,7 +106,7 @@ pub(crate) fn in_force(effects: &[PlacedEffect]) -> Result<Vec<PlacedEffect>, Wo
 }
 
 /// Index in the order in which effects act.
-fn rank(placed: &PlacedEffect) -> usize {
+pub fn rank(placed: &PlacedEffect) -> usize {
     let name = placed.effect.spec().name;
     EFFECTS.iter().position(|effect| effect.spec().name == name).unwrap_or(EFFECTS.len())
 }

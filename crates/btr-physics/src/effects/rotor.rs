@@ -12,7 +12,7 @@ use crate::engine::{Affine, Dof};
 pub(super) const MEMORY: usize = 9;
 
 /// Rotor inertia as a fraction of the inertia that the joint carries, where the model has no rotor inertia.
-const SHARE: f64 = 0.01;
+pub const UNKNOWN_ROTOR: f64 = 0.01;
 
 /// Coupling between rotor and link during a step.
 pub(super) struct Spring {
@@ -55,7 +55,7 @@ pub(super) fn load(memory: &mut [f64], motor: &Affine, balance: impl FnOnce(f64,
 /// Removes the rotor's inertia from the link and returns it.
 pub(super) fn take_inertia(dof: &mut Dof, state: &JointInput) -> f64 {
     let known = std::mem::replace(&mut dof.armature, 0.0);
-    if known > 0.0 { known } else { SHARE * state.inertia }
+    if known > 0.0 { known } else { UNKNOWN_ROTOR * state.inertia }
 }
 
 /// Rotor's angle and velocity at the end of the step if only its motor acts on it.

@@ -24,6 +24,7 @@ import numpy as np
 
 from btr._btr import BtrError
 from btr._optional import needed
+from btr._rotors import CHANGED, Transmission
 
 _Values = Mapping[str, float]
 
@@ -35,8 +36,9 @@ class EffectStepper:
     """Steps a MuJoCo model with further effects.
 
     Commands are changed before they reach the actuators (dead time, lag, rate limit, dead bands, steps, offset), dry
-    friction is set anew in each step (Stribeck's, load-dependent, asymmetric), and torques are added (cogging, drag).
-    What of the effects it does not know is in `ignored`."""
+    friction is set anew in each step (Stribeck's, load-dependent, asymmetric), torques are added (cogging, drag), and a
+    joint with backlash or elasticity gets a rotor of its own, on which its actuators act. What of the effects it does
+    not know is in `ignored`."""
 
     def __init__(self, model: Any, effects: Mapping[str, Any] | str | os.PathLike[str]) -> None:
         """`model` is a `mujoco.MjModel`, and `effects` a file that an export has written, or its content. Raises
@@ -53,8 +55,6 @@ class EffectStepper:
         self._joints = [_Joint(model, name, found) for name, found in given.get("joints", {}).items()]
         for joint in self._joints:
             self.ignored.extend(joint.ignored)
-        self._frictionloss = np.array(model.dof_frictionloss)
-        self._damping = np.array(model.dof_damping)
 
     def reset(self) -> None:
         """Forgets earlier commands and readings, as after `mujoco.mj_resetData`."""
@@ -65,11 +65,13 @@ class EffectStepper:
         """One step of `mujoco.mj_step` with the effects. `data.ctrl`, `data.qfrc_applied` and the model are the
         caller's: they are the same afterwards."""
         command, applied = np.array(data.ctrl), np.array(data.qfrc_applied)
+        kept = {name: np.array(getattr(self._model, name)) for name in ("dof_frictionloss", "dof_damping", *CHANGED)}
         for joint in self._joints:
             joint.act(self._model, data)
         self._mujoco.mj_step(self._model, data)
         data.ctrl[:], data.qfrc_applied[:] = command, applied
-        self._model.dof_frictionloss[:], self._model.dof_damping[:] = self._frictionloss, self._damping
+        for name, values in kept.items():
+            getattr(self._model, name)[:] = values
         for joint in self._joints:
             joint.read(data)
 
@@ -93,12 +95,13 @@ class _Joint:
         self._actuators = np.flatnonzero(drives)
         self._gears = np.array(model.actuator_gear[self._actuators, 0])
         self._dt_s = float(model.opt.timestep)
-        known = {**_COMMANDS, **dict.fromkeys(_TORQUES), **dict.fromkeys(_READINGS)}
-        self.ignored = [f"{name}: {values['effect']}" for values in effects if values["effect"] not in known]
-        self._effects = effects
+        self._model, self._joint, self._effects = model, int(joint.id), effects
         self.reset()
+        known = {*_COMMANDS, *_TORQUES, *_READINGS, *(Transmission.EFFECTS if self._transmission.is_known else ())}
+        self.ignored = [f"{name}: {values['effect']}" for values in effects if values["effect"] not in known]
 
     def reset(self) -> None:
+        self._transmission = Transmission(self._model, self._joint, self._actuators, self._effects)
         steps = max((self._late(values) for values in self._effects), default=0.0)
         self._read: deque[float] = deque(maxlen=math.ceil(steps) + 2)
         self._filters = [
@@ -112,12 +115,14 @@ class _Joint:
 
     def act(self, model: Any, data: Any) -> None:
         q, dq = float(data.qpos[self._at]), float(data.qvel[self._dof])
+        of_motor = self._transmission.arrive(q, dq)
         for actuator, gear, filters in zip(self._actuators, self._gears, self._filters, strict=True):
             # Commands of an actuator with a gear are positions before it.
             command = float(data.ctrl[actuator]) / gear
             for changed in filters:
-                command = changed(command, q)
+                command = changed(command, of_motor)
             data.ctrl[actuator] = command * gear
+        self._transmission.act(model, data)
         # A torque is constant during the step: it is that of the middle.
         q_mid = q + 0.5 * self._dt_s * dq
         dq_mid = dq + 0.5 * self._dt_s * float(data.qacc[self._dof])
@@ -130,6 +135,7 @@ class _Joint:
                 model.dof_damping[self._dof] += damping
 
     def read(self, data: Any) -> None:
+        self._transmission.settle(data)
         self._read.append(float(data.qpos[self._at]))
 
     def reading(self, data: Any) -> float:
