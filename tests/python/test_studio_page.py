@@ -244,6 +244,15 @@ def test_meshes_are_read_from_beside_the_urdf_and_from_no_other_place(tmp_path: 
         assert shape.kind == "sphere", f"{name}: the collision shape takes its place"
 
 
+def test_the_y_axis_of_a_gltf_becomes_z(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    box = trimesh.creation.box(extents=(1.0, 2.0, 3.0), transform=trimesh.transformations.translation_matrix((0, 5, 0)))
+    (tmp_path / "link.glb").write_bytes(box.export(file_type="glb"))
+    (shape,) = parsed(MESHED.format(name="link.glb"), tmp_path).links[0].shapes
+    vertices = shape.mesh[0]
+    assert vertices.min(axis=0).tolist() == [-1.0, -3.0, 8.0] and vertices.max(axis=0).tolist() == [1.0, 3.0, 12.0]
+
+
 def test_readings_without_noise_have_no_floor(served: tuple[Server, str]) -> None:
     model = btr.load_model(ROBOTS / "emps.toml")
     session = Session(model, model.simulate())

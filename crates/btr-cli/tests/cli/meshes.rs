@@ -29,6 +29,17 @@ const DAE: &str = "<COLLADA><asset><unit meter=\"0.01\"/></asset><library_geomet
     <library_visual_scenes><visual_scene><node><scale>1 100 100</scale><matrix>0 -1 0 0 1 0 0 0 0 0 1 0 0 0 0 1</matrix>\
     <instance_geometry url=\"#g\"/></node></visual_scene></library_visual_scenes></COLLADA>";
 
+/// Its y is up: the box is from `-1 -3 -2` to `9 3 2` there.
+const GLTF: &str = r#"{"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0,"translation":[4,0,0]}],
+    "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"buffers":[{"uri":"gone.bin","byteLength":24}],
+    "accessors":[{"componentType":5126,"count":2,"type":"VEC3","min":[-5,-3,-2],"max":[5,3,2]}]}"#;
+
+fn binary_gltf() -> Vec<u8> {
+    let length = GLTF.len() as u32;
+    let numbers = [2, 20 + length, length].into_iter().flat_map(u32::to_le_bytes);
+    b"glTF".iter().copied().chain(numbers).chain(*b"JSON").chain(GLTF.bytes()).collect()
+}
+
 fn binary_stl() -> Vec<u8> {
     let mut bytes = b"solid by its remark".to_vec();
     bytes.resize(80, b' ');
@@ -55,8 +66,14 @@ fn drawn(lab: &Lab, model: &str, variables: &[(&str, &str)]) -> String {
 
 #[test]
 fn meshes_of_all_formats_are_drawn_as_their_box() {
-    let files: [(&str, Vec<u8>); 4] =
-        [("m.obj", OBJ.into()), ("m.stl", STL.into()), ("b.STL", binary_stl()), ("m.dae", DAE.into())];
+    let files: [(&str, Vec<u8>); 6] = [
+        ("m.obj", OBJ.into()),
+        ("m.stl", STL.into()),
+        ("b.STL", binary_stl()),
+        ("m.dae", DAE.into()),
+        ("m.gltf", GLTF.into()),
+        ("m.GLB", binary_gltf()),
+    ];
     for (name, bytes) in files {
         let lab = lab(name);
         std::fs::write(lab.path(name), bytes).unwrap();
@@ -118,7 +135,9 @@ fn what_is_not_known_of_a_mesh_is_told_by_every_verb_that_would_use_it() {
             .replace(&lab.path("").display().to_string(), "")
     };
     let told = [
+        of("m.ply", "ply"),
         of("m.glb", "glTF"),
+        of("m.gltf", "{}"),
         of("cut.stl", "no triangles"),
         of("none.obj", "# nothing\n"),
         of("nan.obj", "v nan 0 0\n"),

@@ -2,6 +2,7 @@
 
 mod bounds;
 mod collada;
+mod gltf;
 mod obj;
 mod search;
 mod stl;
@@ -51,7 +52,7 @@ fn read(search: &MeshSearch, name: &str) -> Result<Bounds, String> {
     let bytes = || btr_io::read_bytes(&path, LARGEST_MESH).map_err(|error| error.to_string());
     let bounds = match of(&ending) {
         Some(read) => bytes().and_then(|bytes| read(&bytes)),
-        None => Err(format!("meshes of kind .{ending} are not read, but .stl, .obj and .dae")),
+        None => Err(format!("meshes of kind .{ending} are not read, but .stl, .obj, .dae, .gltf and .glb")),
     };
     bounds.map_err(|why| format!("({}): {why}; its extents are not known", path.display()))
 }
@@ -64,11 +65,12 @@ fn of(ending: &str) -> Option<Reader> {
         "stl" => Some(stl::bounds),
         "obj" => Some(obj::bounds),
         "dae" => Some(collada::bounds),
+        "gltf" | "glb" => Some(gltf::bounds),
         _ => None,
     }
 }
 
-/// Reads a mesh of a kind (`stl`, `obj`, `dae`).
+/// Reads a mesh of a kind (`stl`, `obj`, `dae`, `gltf`, `glb`).
 ///
 /// # Errors
 /// What is the matter with it; an unknown kind.

@@ -58,7 +58,8 @@ pub fn urdf(data: &[u8]) -> bool {
 /// A mesh: its kind (the first byte), then its file.
 pub fn mesh(data: &[u8]) -> bool {
     let Some((kind, bytes)) = data.split_first() else { return false };
-    check_mesh(["stl", "obj", "dae"][usize::from(*kind) % 3], bytes).inspect_err(|why| assert!(!why.is_empty())).is_ok()
+    let kind = ["stl", "obj", "dae", "gltf"][usize::from(*kind) % 4];
+    check_mesh(kind, bytes).inspect_err(|why| assert!(!why.is_empty())).is_ok()
 }
 
 /// A formula: what it acts on (the first byte), then its text.

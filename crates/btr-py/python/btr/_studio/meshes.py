@@ -16,6 +16,9 @@ from btr.model import Model
 LARGEST_BYTES = 50_000_000
 FORMATS = (".stl", ".obj", ".ply", ".glb", ".dae")
 
+# glTF has y up, URDF z: `crates/btr-lab/src/meshes/gltf.rs` has who does so as well.
+_Y_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+
 Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
 """Vertices in m, shape (vertices, 3), and the vertices' numbers of each face, shape (faces, 3)."""
 
@@ -58,6 +61,8 @@ def read(path: Path, scale: tuple[float, float, float]) -> Union[Mesh, None]:
     except Exception:
         # Every format fails in its own way; the link is then drawn as a rod.
         return None
+    if path.suffix.lower() == ".glb":
+        vertices = vertices @ _Y_TO_Z
     return (vertices * scale, faces) if len(faces) else None
 
 
