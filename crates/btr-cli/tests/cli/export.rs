@@ -152,6 +152,32 @@ fn isaac_lab_gets_ranges_of_what_is_uncertain() {
 }
 
 #[test]
+fn what_is_0_and_uncertain_is_told_where_ranges_are_factors() {
+    let lab = lab();
+    let zero =
+        lab.read("fitted.toml").replace("value = 0.02 }", "value = 0.0 }").replace("value = 0.21 }", "value = 0.0 }");
+    lab.write("fitted.toml", &zero);
+    lab.write("fit.json", &FIT.replace("\"mean\": 0.02", "\"mean\": 0.0").replace("\"mean\": 0.21", "\"mean\": 0.0"));
+    let told = lab.ok("export fitted.toml --to isaac-lab -o ranges.py --randomize fit.json");
+    let lines: Vec<&str> = told.lines().filter(|line| line.contains("terms only scale it")).collect();
+    insta::assert_snapshot!("export_isaac_lab_zeros", lines.join("\n"));
+    assert!(!lab.read("ranges.py").contains("armature_distribution_params"));
+}
+
+#[test]
+fn a_bound_that_is_infinite_in_its_coordinate_is_none() {
+    let lab = lab();
+    let limit = r#"{ "name": "torque_limit.torque@shoulder", "coordinate": "inverse", "mean": 0.1333, "sd": 0.01,
+      "min": 0.05, "max": null }"#;
+    let fit = FIT.replace("\"parameters\": [", &format!("\"parameters\": [{limit},"));
+    let of_four = "[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]";
+    lab.write("fit.json", &fit.replace("[[1.0, 0.0, -0.95], [0.0, 1.0, 0.0], [-0.95, 0.0, 1.0]]", of_four));
+    lab.write("arm.xml", MJCF);
+    lab.ok("export fitted.toml arm.xml --to mujoco -o out.xml --randomize fit.json --draws 2");
+    assert_ne!(lab.read("out.000.xml"), lab.read("out.001.xml"));
+}
+
+#[test]
 fn draws_are_files_that_keep_correlations() {
     let lab = lab();
     lab.write("fit.json", FIT);

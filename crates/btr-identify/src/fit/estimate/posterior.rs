@@ -7,7 +7,7 @@ use crate::fit::solve::FitPoint;
 use crate::residual_model::{FitParameter, Parametrisation};
 use btr_core::random::{normal, stream};
 use nalgebra::{DMatrix, DVector};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// The coordinate in which a parameter is uncertain by a standard deviation to both sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -32,10 +32,22 @@ pub struct Marginal {
     pub mean: f64,
     /// Standard deviation.
     pub sd: f64,
-    /// Least coordinate.
+    /// Least coordinate; infinite for the logarithm of a bound at 0.
+    #[serde(deserialize_with = "least")]
     pub min: f64,
-    /// Greatest coordinate.
+    /// Greatest coordinate; infinite for the inverse of a bound at 0.
+    #[serde(deserialize_with = "greatest")]
     pub max: f64,
+}
+
+/// A least coordinate: JSON has `null` in the place of an infinite number.
+fn least<'de, D: Deserializer<'de>>(json: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(json)?.unwrap_or(f64::NEG_INFINITY))
+}
+
+/// The same for the greatest.
+fn greatest<'de, D: Deserializer<'de>>(json: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(json)?.unwrap_or(f64::INFINITY))
 }
 
 /// A normal distribution of all free parameters in their coordinates, reflected at their bounds. Combinations that the
@@ -84,9 +96,9 @@ impl Posterior {
         if self.correlation.len() != n || self.correlation.iter().any(|row| row.len() != n) {
             return Err(format!("the correlations of {n} parameters are no matrix of {n} by {n}"));
         }
-        let finite = self.parameters.iter().all(|of| [of.mean, of.sd, of.min, of.max].iter().all(|x| x.is_finite()));
-        if !finite || self.correlation.iter().flatten().any(|x| !x.is_finite()) {
-            return Err("a mean, deviation, bound or correlation is not a finite number".into());
+        let known = |of: &Marginal| of.mean.is_finite() && of.sd.is_finite() && !of.min.is_nan() && !of.max.is_nan();
+        if !self.parameters.iter().all(known) || self.correlation.iter().flatten().any(|x| !x.is_finite()) {
+            return Err("a mean, deviation or correlation is not a finite number, or a bound is none".into());
         }
         // Rounding may have left a matrix that is not quite positive definite.
         let eigen = DMatrix::from_fn(n, n, |i, j| self.correlation[i][j]).symmetric_eigen();
@@ -120,11 +132,24 @@ impl Marginal {
         Marginal { name, coordinate, mean: at(u), sd: sd * scale.abs(), min: a.min(b), max: a.max(b) }
     }
 
-    /// The value at a coordinate. One beyond a bound is reflected there, so that draws do not gather at the bound.
-    fn value(&self, coordinate: f64) -> f64 {
+    /// A coordinate within the bounds. One beyond a bound is reflected there, so that draws do not gather at the bound.
+    fn reflected(&self, coordinate: f64) -> f64 {
         let width = self.max - self.min;
-        let beyond = (coordinate - self.min).rem_euclid(2.0 * width);
-        let within = if width > 0.0 { self.min + beyond.min(2.0 * width - beyond) } else { self.min };
+        match (self.min.is_finite(), self.max.is_finite()) {
+            (true, true) if width > 0.0 => {
+                let beyond = (coordinate - self.min).rem_euclid(2.0 * width);
+                self.min + beyond.min(2.0 * width - beyond)
+            }
+            (true, true) => self.min,
+            (true, false) => self.min + (coordinate - self.min).abs(),
+            (false, true) => self.max - (coordinate - self.max).abs(),
+            (false, false) => coordinate,
+        }
+    }
+
+    /// The value at a coordinate.
+    fn value(&self, coordinate: f64) -> f64 {
+        let within = self.reflected(coordinate);
         match self.coordinate {
             Coordinate::Linear => within,
             Coordinate::Log => within.exp(),
@@ -176,11 +201,25 @@ mod tests {
     }
 
     #[test]
+    fn a_bound_at_0_is_infinite_in_the_coordinate_and_null_in_json() {
+        let log = marginal(Coordinate::Log, 0.0, 0.5, (f64::NEG_INFINITY, 0.0));
+        let inverse = marginal(Coordinate::Inverse, 0.1, 1.0, (0.0, f64::INFINITY));
+        let written = serde_json::to_string(&posterior(vec![log, inverse], 0.0)).unwrap();
+        assert!(written.contains("\"min\":null") && written.contains("\"max\":null"), "{written}");
+        let read: Posterior = serde_json::from_str(&written).unwrap();
+        let drawn = read.draws(1000, 1).unwrap();
+        assert!(drawn.iter().all(|row| row[0] > 0.0 && row[0] <= 1.0 && row[1] > 0.0));
+        assert!((0..2).all(|k| std(&drawn.iter().map(|row| row[k]).collect::<Vec<_>>()) > 0.0));
+    }
+
+    #[test]
     fn damaged_numbers_are_refused() {
         let of = || marginal(Coordinate::Linear, 0.0, 1.0, (-1.0, 1.0));
         let narrow = Posterior { correlation: vec![vec![1.0]], ..posterior(vec![of(), of()], 0.0) };
         assert!(narrow.draws(1, 0).unwrap_err().contains("no matrix of 2 by 2"));
         let endless = posterior(vec![Marginal { sd: f64::INFINITY, ..of() }], 0.0);
         assert!(endless.draws(1, 0).unwrap_err().contains("not a finite number"));
+        let boundless = posterior(vec![Marginal { min: f64::NAN, ..of() }], 0.0);
+        assert!(boundless.draws(1, 0).unwrap_err().contains("a bound is none"));
     }
 }

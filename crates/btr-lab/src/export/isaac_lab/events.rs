@@ -1,6 +1,6 @@
 //! Event terms of Isaac Lab that randomise what is uncertain.
 
-use super::super::facts::{JointFacts, joints};
+use super::super::facts::JointFacts;
 use super::super::randomize::middle;
 use super::super::request::{Request, number};
 use std::fmt::Write;
@@ -12,48 +12,73 @@ const VARIES: f64 = 1e-3;
 pub(super) const IMPORTS: &str =
     "from isaaclab.envs import mdp\nfrom isaaclab.managers import EventTermCfg, SceneEntityCfg\n";
 
-/// The terms of all joints and links, as a Python dictionary; `None` where nothing is uncertain.
-pub(super) fn terms(request: &Request) -> Option<String> {
-    let facts = joints(request.outline);
-    let drawn: Vec<Vec<JointFacts>> = request.drawn.iter().map(joints).collect();
-    let mut text = String::new();
-    for (k, joint) in facts.iter().enumerate() {
+/// Event terms, and what is uncertain and in none of them, a line each.
+#[derive(Default)]
+pub(super) struct Terms {
+    text: String,
+    pub(super) left: Vec<String>,
+}
+
+/// The terms of all joints and links; `drawn` are the joints at each draw.
+pub(super) fn terms(request: &Request, joints: &[JointFacts], drawn: &[Vec<JointFacts>]) -> Terms {
+    let mut terms = Terms::default();
+    for (k, joint) in joints.iter().enumerate() {
         let drawn: Vec<&JointFacts> = drawn.iter().filter_map(|draw| draw.get(k)).collect();
-        of_joint(&mut text, joint, &drawn);
+        terms.of_joint(joint, &drawn);
     }
     for (k, link) in request.outline.robot.links.iter().enumerate() {
         let masses = request.drawn.iter().filter_map(|draw| Some(draw.robot.links.get(k)?.mass_kg));
         let range = Some(middle(masses)).filter(|range| varies(*range, link.mass_kg));
         let term = [("mass_distribution_params", range)];
-        push(&mut text, &link.name, "mass", "randomize_rigid_body_mass", ("body_names", "abs"), &term);
+        push(&mut terms.text, &link.name, "mass", "randomize_rigid_body_mass", ("body_names", "abs"), &term);
     }
-    (!text.is_empty()).then(|| format!("# The middle 95 % of what the fit leaves.\nEVENTS = {{\n{text}}}\n"))
+    terms
 }
 
-fn of_joint(text: &mut String, joint: &JointFacts, drawn: &[&JointFacts]) {
-    let range = |of: &dyn Fn(&JointFacts) -> f64| {
-        Some(middle(drawn.iter().map(|joint| of(joint)))).filter(|range| varies(*range, of(joint)))
-    };
-    let (kp, kd) =
-        (|joint: &JointFacts| joint.gains.map_or(0.0, |g| g.0), |joint: &JointFacts| joint.gains.map_or(0.0, |g| g.1));
-    let gains = [("stiffness_distribution_params", range(&kp)), ("damping_distribution_params", range(&kd))];
-    push(text, &joint.name, "gains", "randomize_actuator_gains", ("joint_names", "abs"), &gains);
-    let scaled = |of: &dyn Fn(&JointFacts) -> f64| Some(range(of)?.map(|end| end / of(joint)));
-    // Isaac Lab draws static, dynamic and viscous friction by one range of factors.
-    let of_friction = [
-        scaled(&|joint| joint.static_friction.max(joint.coulomb)),
-        scaled(&|joint| joint.coulomb),
-        scaled(&|joint| joint.viscous),
-    ];
-    let friction = of_friction.into_iter().flatten().reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]);
-    let parameters =
-        [("friction_distribution_params", friction), ("armature_distribution_params", scaled(&|joint| joint.armature))];
-    push(text, &joint.name, "friction and rotor", "randomize_joint_parameters", ("joint_names", "scale"), &parameters);
+impl Terms {
+    /// The terms as a Python dictionary; `None` where there are none.
+    pub(super) fn dictionary(&self) -> Option<String> {
+        let text = &self.text;
+        (!text.is_empty()).then(|| format!("# The middle 95 % of what the fit leaves.\nEVENTS = {{\n{text}}}\n"))
+    }
+
+    fn of_joint(&mut self, joint: &JointFacts, drawn: &[&JointFacts]) {
+        let range = |of: &dyn Fn(&JointFacts) -> f64| {
+            Some(middle(drawn.iter().map(|joint| of(joint)))).filter(|range| varies(*range, of(joint)))
+        };
+        let kp = |joint: &JointFacts| joint.gains.map_or(0.0, |gains| gains.0);
+        let kd = |joint: &JointFacts| joint.gains.map_or(0.0, |gains| gains.1);
+        let gains = [("stiffness_distribution_params", range(&kp)), ("damping_distribution_params", range(&kd))];
+        push(&mut self.text, &joint.name, "gains", "randomize_actuator_gains", ("joint_names", "abs"), &gains);
+        let mut scaled = |what: &str, of: &dyn Fn(&JointFacts) -> f64| {
+            let [low, high] = range(of)?;
+            let value = of(joint);
+            if value == 0.0 {
+                let name = &joint.name;
+                self.left.push(format!(
+                    "{name}: {what} from {low:.4} to {high:.4}: it is 0, and Isaac Lab's terms only scale it"
+                ));
+                return None;
+            }
+            Some([low / value, high / value])
+        };
+        // Isaac Lab draws static, dynamic and viscous friction by one range of factors.
+        let of_friction = [
+            scaled("friction", &|joint| joint.static_friction.max(joint.coulomb)),
+            scaled("dynamic_friction", &|joint| joint.coulomb),
+            scaled("viscous_friction", &|joint| joint.viscous),
+        ];
+        let friction = of_friction.into_iter().flatten().reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]);
+        let armature = scaled("armature", &|joint| joint.armature);
+        let ranges = [("friction_distribution_params", friction), ("armature_distribution_params", armature)];
+        let (what, function) = ("friction and rotor", "randomize_joint_parameters");
+        push(&mut self.text, &joint.name, what, function, ("joint_names", "scale"), &ranges);
+    }
 }
 
 /// Whether a range is wide enough to be said.
 fn varies([low, high]: [f64; 2], value: f64) -> bool {
-    (high - low).is_finite() && value != 0.0 && high - low > VARIES * value.abs()
+    (high - low).is_finite() && high - low > VARIES * value.abs()
 }
 
 /// One term, unless it has no range.

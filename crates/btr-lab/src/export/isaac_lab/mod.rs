@@ -22,8 +22,10 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
         let delays = if drawn.is_empty() { [joint.delay_s; 2] } else { middle(delays) };
         push(&mut exported, joint, delays, request.step_s);
     }
-    let terms = events::terms(request);
-    let imports = if terms.is_some() { events::IMPORTS } else { "" };
+    let terms = events::terms(request, &facts, &drawn);
+    let dictionary = terms.dictionary();
+    exported.left.extend(terms.left);
+    let imports = if dictionary.is_some() { events::IMPORTS } else { "" };
     let classes = [DELAYED, IMPLICIT].into_iter().filter(|class| exported.text.contains(*class));
     exported.text = format!(
         "\"\"\"Actuators from {}, written by btr. SI units; friction is a torque, as in Isaac Sim 5.0 and later.\"\"\"\n\n\
@@ -31,7 +33,7 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
         request.name.replace('\\', "/").replace('"', "'"),
         classes.collect::<Vec<_>>().join(", "),
         exported.text,
-        terms.map_or_else(String::new, |terms| format!("\n{terms}"))
+        dictionary.map_or_else(String::new, |terms| format!("\n{terms}"))
     );
     exported.left.extend(rest::lines(&facts, &request.outline.others));
     exported.effects = rest::document(&facts, &request.outline.others);

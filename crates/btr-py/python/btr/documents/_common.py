@@ -160,10 +160,10 @@ class Marginal(Record):
     """Mean: the fitted value."""
     sd: float
     """Standard deviation."""
-    min: float
-    """Lower bound."""
-    max: float
-    """Upper bound."""
+    min: float | None
+    """Lower bound; None where it is infinite: the logarithm of a bound at 0."""
+    max: float | None
+    """Upper bound; None where it is infinite: the inverse of a bound at 0."""
 
 
 class Posterior(Record):
