@@ -28,7 +28,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 /// See `Exported`.
-type ExportedParts = (String, Vec<String>, Vec<String>, Option<String>);
+type ExportedParts = (String, [Vec<String>; 3], Option<String>);
 
 /// A robot's model: the text of its file, and where relative paths in it begin.
 #[pyclass(frozen, module = "btr", name = "Model")]
@@ -139,8 +139,8 @@ impl Model {
         export::drawn_values(&self.source, &posterior_in(posterior)?, many, seed).map_err(Raise::raise)
     }
 
-    /// What the model says, in a format of another simulator: the text, what it says, what it does not, and the effects
-    /// that are left, as JSON. `posterior`, JSON as well, is what a fit leaves, for formats with ranges.
+    /// What the model says, in a format of another simulator: the text; what it says, what it does not, and advice;
+    /// the effects that are left, as JSON. `posterior`, JSON as well, is what a fit leaves, for formats with ranges.
     #[pyo3(signature = (to, robot, step_s, posterior))]
     fn export(
         &self,
@@ -161,7 +161,7 @@ impl Model {
         let exported = py
             .detach(|| export::export(&self.source, format, robot, step_s, posterior.as_ref()))
             .map_err(Raise::raise)?;
-        Ok((exported.text, exported.carried, exported.left, exported.effects))
+        Ok((exported.text, [exported.carried, exported.left, exported.advice], exported.effects))
     }
 
     /// Writes the model file, whole or not at all; the files that it names are found from there.

@@ -68,6 +68,25 @@ fn mujoco_s_file_changes_in_its_numbers_alone() {
 }
 
 #[test]
+fn a_longer_time_step_than_the_model_s_is_told() {
+    let lab = lab();
+    let advice = |option: &str| {
+        lab.write("arm.xml", &MJCF.replace("  <worldbody>", &format!("  {option}<worldbody>")));
+        let document = lab.json("export fitted.toml arm.xml --to mujoco -o out.xml");
+        let lines = document["advice"].as_array().unwrap().iter();
+        lines.map(|line| line.as_str().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    let told = advice("");
+    assert_eq!(told.len(), 1);
+    insta::assert_snapshot!("export_time_step", told[0]);
+    assert!(advice("<option timestep=\"0.005\"/>")[0].starts_with("timestep: 0.005 s in the file, and 0.001 s"));
+    for silent in ["<option timestep=\"0.001\"/>", "<option timestep=\"0.0005\"/>", "<include file=\"scene.xml\"/>"] {
+        assert_eq!(advice(silent), Vec::<String>::new(), "{silent}");
+    }
+    assert!(!lab.read("out.xml").contains("timestep"));
+}
+
+#[test]
 fn an_exported_urdf_moves_as_the_model() {
     let lab = lab();
     insta::assert_snapshot!("export_urdf", lab.ok("export fitted.toml --to urdf -o out.urdf"));

@@ -25,6 +25,8 @@ pub struct Exported {
     pub carried: Vec<String>,
     /// What of the model it does not say, a line each.
     pub left: Vec<String>,
+    /// What the user may want to see to in the file, a line each.
+    pub advice: Vec<String>,
     /// The effects that the file does not say, as JSON; `None` where it says all.
     pub effects: Option<String>,
 }

@@ -22,6 +22,9 @@ class Exported:
     effects: dict[str, Any] | None
     """The effects that it does not say, in SI units; `btr.mujoco.EffectStepper` applies them. None where it says all.
     """
+    advice: list[str]
+    """What you may want to see to in the file, a line each: a time step longer than the model's, what default classes
+    give that the model does not have."""
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the file, and the effects that are left beside it: `robot.xml` and `robot.effects.json`."""

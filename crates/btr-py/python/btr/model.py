@@ -250,8 +250,8 @@ class Model:
         and URDF export models at `FitResult.draws`. Raises `BtrError` for a file that is missing or of another kind."""
         posterior = None if randomize is None else json.dumps(randomize)
         place = None if robot is None else Path(robot)
-        text, carried, left, effects = self._model.export(to, place, step_s, posterior)
-        return Exported(text, carried, left, None if effects is None else json.loads(effects))
+        text, (carried, left, advice), effects = self._model.export(to, place, step_s, posterior)
+        return Exported(text, carried, left, None if effects is None else json.loads(effects), advice)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the model file atomically, with the paths in it adapted to its folder. Raises `BtrError` if the name

@@ -64,13 +64,21 @@ fn report(
 ) {
     let effects = exported.effects.is_some().then(|| beside(&args.output));
     if global.json {
-        let (carried, left) = (&exported.carried, &exported.left);
-        let document = serde_json::json!({ "ok": true, "output": args.output, "carried": carried, "left": left, "effects": effects, "draws": draws });
+        let document = serde_json::json!({
+            "ok": true,
+            "output": args.output,
+            "carried": exported.carried,
+            "left": exported.left,
+            "advice": exported.advice,
+            "effects": effects,
+            "draws": draws,
+        });
         println!("{document}");
     } else if !global.quiet {
         println!("{}: {}", args.output.display(), format.what);
         tell("carried over", &exported.carried);
         tell("not said by this format", &exported.left);
+        tell("advice", &exported.advice);
         if let Some(beside) = effects {
             println!("\n{}: the effects that are left, as JSON", beside.display());
         }

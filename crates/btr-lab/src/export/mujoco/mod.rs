@@ -1,5 +1,7 @@
 //! MJCF: attributes of joints, bodies and actuators in the user's own file.
 
+mod step;
+
 use super::facts::{JointFacts, changed_links, joints, none_of};
 use super::request::{Exported, Request, number, numbers};
 use super::rest;
@@ -22,6 +24,7 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
     changed_links(request.outline, &request.model.robot).for_each(|link| file.link(link));
     let File { changes, mut exported, .. } = file;
     exported.text = changes.apply(text);
+    exported.advice.extend(step::advice(&document, request.model.setup.dt_s));
     facts.iter_mut().for_each(JointFacts::leave_delay);
     let others = &request.outline.others;
     exported.left.extend(rest::lines(&facts, others));
