@@ -68,6 +68,16 @@ fn mujoco_s_file_changes_in_its_numbers_alone() {
 }
 
 #[test]
+fn what_a_model_states_of_its_links_is_exported() {
+    let lab = lab();
+    let stated = "\n[links.upper]\nmass_kg = 1.25\ncom_m = [0, 0, 0.1]\ninertia_kg_m2 = [0.01, 0.01, 0.01, 0, 0, 0]\n";
+    lab.write("fitted.toml", &(lab.read("fitted.toml") + stated));
+    lab.write("arm.xml", MJCF);
+    assert!(lab.ok("export fitted.toml arm.xml --to mujoco -o out.xml").contains("upper: mass 1.2500 kg"));
+    assert!(lab.ok("export fitted.toml --to urdf -o out.urdf").contains("upper: mass 1.2500 kg"));
+}
+
+#[test]
 fn a_longer_time_step_than_the_model_s_is_told() {
     let lab = lab();
     let advice = |option: &str| {

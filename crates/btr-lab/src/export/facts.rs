@@ -1,5 +1,6 @@
 //! What is known of each joint and link, in the terms that other simulators share.
 
+use super::request::Request;
 use btr_physics::effects::{PlacedEffect, UNKNOWN_ROTOR, find, rank};
 use btr_physics::engine::carried_inertia;
 use btr_physics::model::Outline;
@@ -139,16 +140,17 @@ impl JointFacts {
     }
 }
 
-/// The links whose inertia the model changes, against the robot's file.
-pub(super) fn changed_links<'a>(outline: &'a Outline, original: &'a Robot) -> impl Iterator<Item = &'a Link> {
-    outline.robot.links.iter().filter(|link| {
+/// The links whose inertia the model changes, against the robot's file: it states them, or it has come to others.
+pub(super) fn changed_links<'a>(request: &'a Request) -> impl Iterator<Item = &'a Link> {
+    let original = &request.model.robot;
+    request.outline.robot.links.iter().filter(|link| {
         let same = |known: &&Link| {
             known.name == link.name
                 && known.mass_kg.to_bits() == link.mass_kg.to_bits()
                 && known.com_m == link.com_m
                 && known.inertia_kg_m2 == link.inertia_kg_m2
         };
-        !original.links.iter().any(|known| same(&known))
+        request.stated_links.contains(&link.name) || !original.links.iter().any(|known| same(&known))
     })
 }
 

@@ -113,13 +113,15 @@ pub fn export(
         None => inside.ok_or_else(|| without_file(source, format))?,
     };
     let name = source.path.display().to_string();
-    let request = Request { name, model: &model, outline: &outline, drawn: &drawn, text: &text, step_s };
+    let stated_links: Vec<String> = parsed.links.keys().cloned().collect();
+    let (stated_links, text) = (stated_links.as_slice(), text.as_str());
+    let request = Request { name, model: &model, outline: &outline, stated_links, drawn: &drawn, text, step_s };
     let mut exported = (format.write)(&request).map_err(|message| {
         let path = path.unwrap_or_else(|| source.path.clone());
         Failure::from(FileError { path, line: 0, column: 0, message: message.into(), help: None })
     })?;
     // Where no file of a robot is changed, there is no place for what its links weigh.
-    let links = facts::changed_links(&outline, &model.robot).filter(|_| !format.changes_a_file);
+    let links = facts::changed_links(&request).filter(|_| !format.changes_a_file);
     exported
         .left
         .extend(links.map(|link| format!("{}: mass {:.4} kg, with its centre and inertia", link.name, link.mass_kg)));

@@ -8,7 +8,9 @@ pub(super) struct Request<'a> {
     pub(super) name: String,
     pub(super) model: &'a Model,
     pub(super) outline: &'a Outline,
-    /// The same at draws of the free parameters, where what is uncertain is to be said; otherwise empty.
+    /// The links whose inertia the model's file states.
+    pub(super) stated_links: &'a [String],
+    /// The same as the outline at draws of the free parameters, where what is uncertain is to be said; otherwise empty.
     pub(super) drawn: &'a [Outline],
     /// The file to change; empty where there is none.
     pub(super) text: &'a str,

@@ -24,7 +24,7 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
             None => file.exported.left.push(format!("{}: no such joint in the file", joint.name)),
         }
     }
-    for link in changed_links(request.outline, &request.model.robot) {
+    for link in changed_links(request) {
         match named(&document, "link", &link.name) {
             Some(element) => file.link(element, link),
             None => file.exported.left.push(format!("{}: no such link in the file", link.name)),

@@ -21,7 +21,7 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
     }
     let mut file = File { text, document: &document, changes: Changes::default(), exported: Exported::default() };
     facts.iter().for_each(|joint| file.joint(joint));
-    changed_links(request.outline, &request.model.robot).for_each(|link| file.link(link));
+    changed_links(request).for_each(|link| file.link(link));
     let File { changes, mut exported, .. } = file;
     exported.text = changes.apply(text);
     exported.advice.extend(step::advice(&document, request.model.setup.dt_s));
