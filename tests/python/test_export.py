@@ -75,6 +75,45 @@ def replayed(path, effects, times):
     return np.array(positions)
 
 
+OF_CLASSES = """<mujoco>
+  <default>
+    <joint damping="0.2" stiffness="1"/>
+    <default class="strong">
+      <joint armature="0.01" frictionloss="0.1"/>
+      <general biastype="affine" gainprm="500" biasprm="3 -200"/>
+    </default>
+  </default>
+  <worldbody>
+    <body name="a" childclass="strong"><joint name="one" axis="0 1 0"/>
+      <geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.3"/>
+      <body name="b" pos="0 0 -0.3"><joint name="two" axis="0 1 0" stiffness="0" damping="0.123456789012345"/>
+        <geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.3"/>
+        <body name="c" pos="0 0 -0.3"><joint name="three" axis="0 1 0"/>
+          <geom type="capsule" size="0.02" fromto="0 0 0 0 0 -0.3"/></body></body></body>
+  </worldbody>
+  <actuator>
+    <general class="strong" joint="one"/>
+    <motor joint="two" gear="5" ctrlrange="-1 1"/>
+    <position joint="three" kp="20" dampratio="1"/>
+  </actuator>
+</mujoco>"""
+
+
+def test_an_imported_model_changes_nothing_in_its_own_file(tmp_path):
+    (tmp_path / "robot.xml").write_text(OF_CLASSES)
+    imported = btr.Model.from_mujoco(tmp_path / "robot.xml")
+    exported = imported.export("mujoco", tmp_path / "robot.xml")
+    # MuJoCo computes the damping of this servo: the file then has it as a number.
+    assert all(line.startswith("three: kv ") for line in exported.carried), exported.carried
+    before, after = mujoco.MjModel.from_xml_string(OF_CLASSES), mujoco.MjModel.from_xml_string(exported.text)
+    assert exported.text.replace(f'kv="{-after.actuator_biasprm[2, 2]:.10g}"', 'dampratio="1"') == OF_CLASSES
+    np.testing.assert_allclose(after.actuator_biasprm, before.actuator_biasprm, rtol=1e-9)
+    # A stiffer servo keeps what its control means.
+    stiffer = btr.Model(imported.text.replace("kp = 200.0", "kp = 300.0")).export("mujoco", tmp_path / "robot.xml")
+    servo = mujoco.MjModel.from_xml_string(stiffer.text).actuator(0)
+    assert list(servo.gainprm[:1]) == [750.0] and list(servo.biasprm[:3]) == [4.5, -300.0, 0.0]
+
+
 def rms(x):
     return np.sqrt(np.mean(x**2, axis=0))
 

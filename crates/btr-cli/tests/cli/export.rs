@@ -55,6 +55,14 @@ fn difference(before: &str, after: &str) -> String {
     said
 }
 
+/// The lines of one text that are not in another.
+fn difference_of_lines(before: &str, after: &str) -> String {
+    let lines = |text: &str, other: &str, sign: char| -> String {
+        text.lines().filter(|line| !other.lines().any(|known| known == *line)).map(|l| format!("{sign}{l}\n")).collect()
+    };
+    lines(before, after, '-') + &lines(after, before, '+')
+}
+
 #[test]
 fn mujoco_s_file_changes_in_its_numbers_alone() {
     let lab = lab();
@@ -65,6 +73,50 @@ fn mujoco_s_file_changes_in_its_numbers_alone() {
     // What is exported again changes no more.
     lab.ok("export fitted.toml out.xml --to mujoco -o again.xml");
     assert_eq!(lab.read("out.xml"), lab.read("again.xml"));
+}
+
+/// The same robot on a base that is fixed to the world: joints and servos have most of their values from classes.
+const CLASSES: &str = r#"<mujoco model="arm">
+  <default>
+    <joint damping="0.21"/>
+    <position kp="25" kv="0.6"/>
+    <default class="weak">
+      <joint armature="0.02" frictionloss="0.05"/>
+      <position kp="20"/>
+      <default class="weaker"><joint frictionloss="0.13"/></default>
+    </default>
+  </default>
+  <worldbody>
+    <body name="base">
+      <body name="turret" childclass="weak">
+        <joint name="yaw" damping="0" frictionloss="0"/>
+        <body name="upper">
+          <joint name="shoulder" damping="0.3"/>
+          <body name="forearm" childclass="weaker"><frame><joint name="elbow"/></frame></body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position class="weak" joint="yaw" kv="0.5"/>
+    <position joint="shoulder" forcerange="-7.5 7.5"/>
+    <position class="gone" joint="elbow" dampratio="1"/>
+  </actuator>
+</mujoco>
+"#;
+
+#[test]
+fn what_classes_give_and_what_cannot_act_is_not_written_again() {
+    let lab = lab();
+    let heavier = "\n[links.base]\nmass_kg = 9.0\ncom_m = [0, 0, 0]\ninertia_kg_m2 = [1, 1, 1, 0, 0, 0]\n";
+    lab.write("fitted.toml", &(lab.read("fitted.toml") + heavier));
+    lab.write("arm.xml", CLASSES);
+    insta::assert_snapshot!("export_mujoco_classes", lab.ok("export fitted.toml arm.xml --to mujoco -o out.xml"));
+    insta::assert_snapshot!("export_mujoco_classes_difference", difference_of_lines(CLASSES, &lab.read("out.xml")));
+    // On a base that moves, its mass acts.
+    let free = CLASSES.replace("<body name=\"base\">", "<body name=\"base\"><freejoint/>");
+    lab.write("free.xml", &free);
+    assert!(lab.ok("export fitted.toml free.xml --to mujoco -o out.xml").contains("base: mass 9.0000 kg"));
 }
 
 #[test]

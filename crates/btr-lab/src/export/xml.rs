@@ -73,10 +73,18 @@ pub(super) fn numbers_of(element: Node, name: &str) -> Option<Vec<f64>> {
     element.attribute(name)?.split_whitespace().map(|number| number.parse().ok()).collect()
 }
 
-/// Whether two values are the same text or the same numbers.
-fn is_same(a: &str, b: &str) -> bool {
+/// What two numbers may differ by, relative to them: numbers are written with ten digits.
+pub(super) const ROUNDING: f64 = 1e-9;
+
+/// Whether two values are the same text or the same numbers, of which a shorter list has 0 at its end.
+pub(super) fn is_same(a: &str, b: &str) -> bool {
     let numbers = |text: &str| text.split_whitespace().map(|x| x.parse::<f64>().ok()).collect::<Option<Vec<f64>>>();
-    a == b || numbers(a).zip(numbers(b)).is_some_and(|(a, b)| a == b)
+    let near = |a: f64, b: f64| (a - b).abs() <= ROUNDING * a.abs().max(b.abs());
+    let all_near = |a: &[f64], b: &[f64]| {
+        let at = |numbers: &[f64], k: usize| numbers.get(k).copied().unwrap_or(0.0);
+        (0..a.len().max(b.len())).all(|k| near(at(a, k), at(b, k)))
+    };
+    a == b || numbers(a).zip(numbers(b)).is_some_and(|(a, b)| !a.is_empty() && !b.is_empty() && all_near(&a, &b))
 }
 
 /// Where the name of an element ends.

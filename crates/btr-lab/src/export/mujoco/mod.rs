@@ -1,12 +1,14 @@
 //! MJCF: attributes of joints, bodies and actuators in the user's own file.
 
+mod defaults;
 mod step;
 
 use super::facts::{JointFacts, changed_links, joints, none_of};
 use super::request::{Exported, Request, number, numbers};
 use super::rest;
-use super::xml::{Changes, children, named, numbers_of};
+use super::xml::{Changes, ROUNDING, children, is_same, named, numbers_of};
 use btr_physics::robot::Link;
+use defaults::default_of;
 use roxmltree::{Document, Node};
 
 pub(super) fn write(request: &Request) -> Result<Exported, String> {
@@ -53,9 +55,13 @@ impl<'a, 'i> File<'a, 'i> {
             ("frictionloss", joint.coulomb),
             ("stiffness", joint.stiffness),
         ];
-        // A value of 0 that the file does not state may override one of a default class.
-        for (name, value) in values.into_iter().filter(|(name, value)| *value != 0.0 || element.has_attribute(*name)) {
-            self.set(element, name, &number(value), &joint.name);
+        for (name, value) in values {
+            // What the model does not have may be known to a default class: an armature, from a data sheet.
+            if value == 0.0 && !element.has_attribute(name) {
+                self.tell_default(element, name, &joint.name);
+            } else {
+                self.set(element, name, &number(value), &joint.name);
+            }
         }
         if joint.stiffness != 0.0 {
             self.set(element, "springref", &number(rest), &joint.name);
@@ -63,8 +69,20 @@ impl<'a, 'i> File<'a, 'i> {
         self.actuators(joint);
     }
 
+    /// Says that a default class gives an attribute that is 0 in the model.
+    fn tell_default(&mut self, element: Node, name: &str, of: &str) {
+        if let Some(value) = default_of(self.document, element, name).filter(|value| !is_same(value, "0")) {
+            let told = format!("{of}: {name} is 0 in the model, and the {value} of its default class stays");
+            self.exported.advice.push(told);
+        }
+    }
+
     /// Sets an attribute, and says so if it changes.
     fn set(&mut self, element: Node, name: &str, value: &str, of: &str) {
+        let default = || default_of(self.document, element, name);
+        if !element.has_attribute(name) && default().is_some_and(|known| is_same(known, value)) {
+            return;
+        }
         if self.changes.set(self.text, element, name, value) {
             self.exported.carried.push(format!("{of}: {name} {value}"));
         }
@@ -79,7 +97,7 @@ impl<'a, 'i> File<'a, 'i> {
             driven = true;
             // Forces and gains of an actuator are those before its gear.
             let gear = numbers_of(element, "gear").and_then(|gear| gear.first().copied()).unwrap_or(1.0);
-            if joint.torque_limit.is_finite() {
+            if joint.torque_limit.is_finite() && !self.is_limited_to(element, joint.torque_limit / gear.abs()) {
                 let force = number(joint.torque_limit / gear.abs());
                 self.set(element, "forcerange", &format!("-{force} {force}"), &joint.name);
             }
@@ -89,13 +107,16 @@ impl<'a, 'i> File<'a, 'i> {
                     self.set(element, "kp", &number(kp), &joint.name);
                     // A joint's own damping may stand for the servo's.
                     if kd != 0.0 || element.has_attribute("kv") {
+                        // The compiled model has one of them.
+                        self.changes.remove(self.text, element, "dampratio");
                         self.set(element, "kv", &number(kd), &joint.name);
                     }
                 }
                 "general" => {
                     self.set(element, "biastype", "affine", &joint.name);
-                    self.set(element, "gainprm", &number(kp), &joint.name);
-                    self.set(element, "biasprm", &format!("0 {} {}", number(-kp), number(-kd)), &joint.name);
+                    let (gain, bias) = self.scaled(element, kp);
+                    self.set(element, "gainprm", &number(gain), &joint.name);
+                    self.set(element, "biasprm", &numbers([bias, -kp, -kd]), &joint.name);
                 }
                 other => self.exported.left.push(format!("{}: gains of its servo, as <{other}>", joint.name)),
             }
@@ -106,12 +127,48 @@ impl<'a, 'i> File<'a, 'i> {
         }
     }
 
+    /// Gain and constant bias of a general actuator with the stiffness `kp`: what its control means is kept.
+    fn scaled(&self, element: Node, kp: f64) -> (f64, f64) {
+        let known = |name: &str, k: usize| Some(*self.known(element, name)?.get(k)?);
+        match known("biasprm", 1) {
+            Some(stiffness) if stiffness < 0.0 => {
+                let ratio = -kp / stiffness;
+                (known("gainprm", 0).unwrap_or(1.0) * ratio, known("biasprm", 0).unwrap_or(0.0) * ratio)
+            }
+            _ => (kp, 0.0),
+        }
+    }
+
+    /// Whether the range of a motor's control keeps its force within a limit already.
+    fn is_limited_to(&self, element: Node, force: f64) -> bool {
+        let stated = |name: &str| element.attribute(name).or_else(|| default_of(self.document, element, name));
+        let compilers = children(self.document.root_element(), "compiler");
+        let off = compilers.filter_map(|compiler| compiler.attribute("autolimits")).last() == Some("false");
+        let is_limited = match stated("ctrllimited") {
+            Some("true") => true,
+            Some("false") => false,
+            _ => !off,
+        };
+        let range = self.known(element, "ctrlrange").filter(|_| is_limited && element.has_tag_name("motor"));
+        !element.has_attribute("forcerange")
+            && range.is_some_and(|range| range.iter().all(|end| end.abs() <= force * (1.0 + ROUNDING)))
+    }
+
+    /// The numbers of an attribute, or those of its class.
+    fn known(&self, element: Node, name: &str) -> Option<Vec<f64>> {
+        let text = element.attribute(name).or_else(|| default_of(self.document, element, name))?;
+        text.split_whitespace().map(|number| number.parse().ok()).collect()
+    }
+
     fn link(&mut self, link: &Link) {
         let Some(body) = named(self.document, "body", &link.name) else {
             let what = format!("{}: no such body in the file; is it in one that this includes?", link.name);
             self.exported.left.push(what);
             return;
         };
+        if !moves(body) {
+            return;
+        }
         // btr's link has its frame at the joint, a body may have its joint others.
         let joint = children(body, "joint").next().and_then(|joint| numbers_of(joint, "pos"));
         let at = |k: usize| joint.as_ref().and_then(|pos| pos.get(k).copied()).unwrap_or(0.0);
@@ -141,4 +198,17 @@ impl<'a, 'i> File<'a, 'i> {
         let compilers = children(self.document.root_element(), "compiler");
         compilers.filter_map(|compiler| compiler.attribute("angle")).last().is_none_or(|angle| angle != "radian")
     }
+}
+
+/// Whether a body moves: it, or one that carries it, has a joint. What one weighs that is fixed to the world does not
+/// act.
+fn moves(body: Node) -> bool {
+    let is_body = |node: &Node| node.has_tag_name("body");
+    let is_joint = |node: &Node| node.has_tag_name("joint") || node.has_tag_name("freejoint");
+    // A joint may be in a frame of its body.
+    let has_joint = |body: Node| {
+        let mut joints = body.descendants().filter(is_joint);
+        joints.any(|joint| joint.ancestors().find(is_body) == Some(body))
+    };
+    body.ancestors().filter(is_body).any(has_joint)
 }
