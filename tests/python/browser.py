@@ -9,9 +9,11 @@ import tempfile
 import time
 from pathlib import Path
 
+# Software draws WebGL, for the player of a report.
 SWITCHES = (
-    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync --remote-debugging-pipe --window-size=1300,1000"
+    "--headless --no-sandbox --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader --disable-quic "
+    "--no-first-run --disable-background-networking --disable-component-update --disable-sync "
+    "--remote-debugging-pipe --window-size=1300,1000"
 ).split()
 PATIENCE_S = 60
 

@@ -330,6 +330,17 @@ fn torques_are_compared_by_joint_and_regime_and_positions_are_not() {
 }
 
 #[test]
+fn a_report_plays_the_given_motion_and_colours_joints_by_their_torques() {
+    let lab = lab();
+    lab.ok("compare leg.toml learn.csv -q --report leg.html");
+    let html = lab.read("leg.html");
+    assert!(html.contains("The motion of hip, knee is given to the model"));
+    let errors = html.split("\"errors\":[[").nth(1).unwrap();
+    let worst = errors.split([',', ']']).take(20).map(|error| error.parse::<f64>().unwrap()).fold(0.0, f64::max);
+    assert!(worst > 2.0, "{worst}");
+}
+
+#[test]
 fn an_effect_without_a_site_has_a_value_for_each_joint() {
     let lab = lab();
     let fitted = |add: &str| {

@@ -1,14 +1,31 @@
 //! Reports for people: `--report` of `compare`, `diagnose` and `fit`. That browsers draw them is asked in tests/python.
 
 use crate::compare::{FRICTION, NONE, lab};
-use crate::lab::Lab;
+use crate::lab::{Lab, robots};
 
 /// The page has all of this, is whole, and asks nobody for anything.
 fn shows(html: &str, all: &[&str]) {
     all.iter().for_each(|text| assert!(html.contains(&format!(">{text}")), "no {text}"));
     assert!(html.contains("default-src 'none'") && html.contains("prefers-color-scheme"));
-    assert!(!html.contains("NaN") && !html.contains("src=") && !html.contains("<script"));
-    closes_what_it_opens(html);
+    assert!(!html.contains("NaN") && !html.contains("src="));
+    let (page, scripts) = taken_apart(html);
+    let [document, script] = &scripts[..] else { panic!("{} scripts", scripts.len()) };
+    assert!(document.starts_with(" type=\"application/json\" id=\"motion-data\">{\"links\":[{"), "{document}");
+    assert!(script.starts_with(">(() => {") && html.contains("; script-src 'sha256-"), "{script}");
+    closes_what_it_opens(&page);
+}
+
+/// A page without its scripts, and these.
+fn taken_apart(html: &str) -> (String, Vec<&str>) {
+    let mut parts = html.split("<script");
+    let mut page = parts.next().unwrap().to_owned();
+    let mut scripts = Vec::new();
+    for part in parts {
+        let (script, rest) = part.split_once("</script>").unwrap();
+        scripts.push(script);
+        page += rest;
+    }
+    (page, scripts)
 }
 
 /// Every tag is closed in its order.
@@ -119,6 +136,51 @@ fn a_run_ends_with_where_its_files_are_and_a_fitted_model_says_what_holds_in_it(
     assert!(fitted.starts_with("name = \"swing\"\n") && fitted.contains(wins), "{fitted}");
     lab.ok("fit fitted.toml log.csv -o again.toml");
     assert_eq!(lab.read("again.toml").matches("As fitted").count(), 1);
+}
+
+#[test]
+fn the_player_has_the_states_of_the_model_that_a_verb_knows() {
+    let states = |html: &str| {
+        let (_, scripts) = taken_apart(html);
+        let document = scripts[0].split("\"states\":").nth(1).unwrap();
+        document.split_inclusive(']').next().unwrap().to_owned()
+    };
+    let with_friction = lab(FRICTION);
+    assert_eq!(states(&report(&with_friction, "compare", "")), r#"["as it stands"]"#);
+    let fitted = report(&with_friction, "fit", "--add coulomb_friction@hinge");
+    assert_eq!(states(&fitted), r#"["as it stands","fitted"]"#);
+    let found = report(&with_friction, "diagnose", "");
+    assert_eq!(states(&found), r#"["as it stands","fitted, with coulomb_friction on hinge"]"#);
+}
+
+#[test]
+fn the_player_says_what_was_not_measured_and_where_replays_start_anew() {
+    let lab = Lab::new();
+    let ant = robots().join("ant.toml");
+    let ant = ant.display();
+    lab.ok(&format!("simulate {ant} --seed 1 -q -o walk.csv"));
+    // From the middle of a step on, without the pose of the body.
+    let walk = lab.read("walk.csv");
+    let rows: Vec<Vec<&str>> = walk.lines().map(|line| line.split(',').collect()).collect();
+    let kept = |k: &usize| !rows[0][*k].starts_with("base_");
+    let line = |row: &Vec<&str>| (0..row.len()).filter(kept).map(|k| row[k]).collect::<Vec<_>>().join(",") + "\n";
+    let walk: String = rows.iter().take(1).chain(rows.iter().skip(40)).map(line).collect();
+    lab.write("walk.csv", &walk);
+    lab.ok(&format!("fit {ant} walk.csv --report report.html -q"));
+    let html = lab.read("report.html");
+    assert!(html.contains("The pose of the base was not measured in every log: there it is the model's."));
+    assert!(html.contains("The replay starts anew from the measured state in every window of a log."));
+}
+
+#[test]
+fn a_log_is_played_under_its_name_whatever_that_is() {
+    let lab = lab(FRICTION);
+    let name = "<script>alert(1)<.csv";
+    lab.write(name, &lab.read("log.csv"));
+    lab.ok(&format!("compare swing.toml {name} --report report.html -q"));
+    let html = lab.read("report.html");
+    shows(&html, &[]);
+    assert!(html.contains(r#""name":"\u003cscript\u003ealert(1)\u003c","#), "{html}");
 }
 
 #[test]

@@ -23,6 +23,8 @@ pub struct CompareReport {
     pub names: Vec<String>,
     /// The errors of the model.
     pub comparison: Comparison,
+    /// The simulation of each log.
+    pub simulated: Vec<Log>,
     /// Discretisation error of each simulated channel, in noise floors.
     pub integrator: IndexMap<String, f64>,
     /// Time step of the simulations.
@@ -60,7 +62,7 @@ pub fn compare(source: &Source, mut replays: Replays) -> Result<CompareReport, P
         }
         let names = model.scenarios.iter().map(|scenario| scenario.name.clone()).collect();
         let model = source.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        return Ok(CompareReport { model, replays, names, comparison, integrator, step });
+        return Ok(CompareReport { model, replays, names, comparison, simulated, integrator, step });
     }
 }
 

@@ -19,6 +19,15 @@ pub struct HeldOutLogs<'a> {
     scenarios: Range<usize>,
 }
 
+/// What a point of the free parameters does with logs.
+#[derive(Clone, Debug)]
+pub struct JudgedLogs {
+    /// Its errors.
+    pub comparison: Comparison,
+    /// The simulation of each log.
+    pub simulated: Vec<Log>,
+}
+
 impl VerbInput {
     /// The held-out logs.
     pub fn judged(&self) -> HeldOutLogs<'_> {
@@ -34,7 +43,7 @@ impl VerbInput {
     ///
     /// # Errors
     /// A simulation that diverged.
-    pub fn judge(&self, judged: &HeldOutLogs, u: &[f64]) -> Result<Comparison, WorldError> {
+    pub fn judge(&self, judged: &HeldOutLogs, u: &[f64]) -> Result<JudgedLogs, WorldError> {
         let simulate = |scenario: usize| self.problem.simulate(u, scenario, TimeStep::USUAL);
         let simulated: Vec<Log> =
             judged.scenarios.clone().into_par_iter().map(simulate).collect::<Result<_, WorldError>>()?;
@@ -42,6 +51,7 @@ impl VerbInput {
         let episodes: Vec<LogPair> = pairs.map(|((name, real), simulated)| LogPair { name, real, simulated }).collect();
         let floors = self.floors();
         let floor = |channel: &str, _: &[f64], _: &[f64]| floors.iter().find(|f| f.channel == channel).map(|f| f.sigma);
-        Ok(compare(&episodes, floor))
+        let comparison = compare(&episodes, floor);
+        Ok(JudgedLogs { comparison, simulated })
     }
 }

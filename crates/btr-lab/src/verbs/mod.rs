@@ -25,5 +25,5 @@ pub use diagnose::diagnose;
 pub use diagnose_report::{CorrectedValue, DiagnoseReport, EffectReport, EffectSite, LawReport, Support, ValueReport};
 pub use effects::{effects, named, site};
 pub use fit::{FitReport, fit};
-pub use held_out::HeldOutLogs;
+pub use held_out::{HeldOutLogs, JudgedLogs};
 pub use next_experiment::{NextExperiment, RivalExplanation, next_experiment};

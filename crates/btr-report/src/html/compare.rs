@@ -2,6 +2,7 @@
 
 use super::joints::{ComparedLogs, LOGS_SHOWN, joints};
 use super::page::{Block, Report, Section};
+use super::player::{AS_IT_STANDS, Player, Replayed, ReplayedState};
 use crate::plot::heat::{Heat, heat};
 use crate::text::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows, left_out};
 use btr_identify::compare::{JointTrack, Regime, RegimeCell};
@@ -13,10 +14,18 @@ const WINDOWS: usize = 12;
 /// The page of `btr compare`.
 pub fn compare(outcome: &CompareReport) -> String {
     let mut sections = vec![summary(outcome), failures(outcome)];
-    let names = outcome.names.iter().map(String::as_str).collect();
+    let names: Vec<&str> = outcome.names.iter().map(String::as_str).collect();
+    let player = player(outcome, &names);
     let problem = ComparedLogs { names, logs: &outcome.replays.logs, before: None, after: &outcome.comparison };
     sections.extend(problem.sections());
-    Report { title: format!("{}: where the model fails", outcome.model), sections }.html()
+    Report { title: format!("{}: where the model fails", outcome.model), sections, player }.html()
+}
+
+fn player(outcome: &CompareReport, names: &[&str]) -> Option<Player> {
+    let state =
+        ReplayedState { name: AS_IT_STANDS.to_owned(), comparison: &outcome.comparison, simulated: &outcome.simulated };
+    let (model, logs) = (&outcome.replays.model, &outcome.replays.logs);
+    Player::of(&Replayed { model, names, logs, states: vec![state], in_windows: false })
 }
 
 fn summary(outcome: &CompareReport) -> Section {

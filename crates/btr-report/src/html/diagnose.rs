@@ -1,6 +1,6 @@
 //! The report of `btr diagnose`.
 
-use super::ladder::{ShownLogs, axis, fall, fine_print, least, pair, training_and_held_out};
+use super::ladder::{After, ShownLogs, axis, fall, fine_print, least, pair, training_and_held_out};
 use super::page::{Block, Report, Section};
 use crate::Subject;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
@@ -35,10 +35,11 @@ pub fn diagnose(subject: &Subject, found: &DiagnoseReport, u: &[f64]) -> String 
     sections.extend(found.next_experiment.as_ref().map(next));
     sections.push(fall(&found.error_ladder, ErrorUnit::of(&found.noise_floor)));
     sections.push(candidates(found));
-    sections.extend(subject.before_and_after(u, &what_was_found(found)));
+    let (before_and_after, player) = subject.before_and_after(u, &what_was_found(found));
+    sections.extend(before_and_after);
     let integrator = integrator(found.integrator_error, found.time_step_s);
     sections.push(fine_print(subject.input, &found.noise_floor, &integrator, found.rollouts));
-    Report { title: format!("{}: what is missing", subject.model()), sections }.html()
+    Report { title: format!("{}: what is missing", subject.model()), sections, player }.html()
 }
 
 /// "coulomb_friction on yaw and backlash on elbow".
@@ -51,10 +52,13 @@ fn named(found: &DiagnoseReport) -> String {
         .join(" and ")
 }
 
-fn what_was_found(found: &DiagnoseReport) -> String {
+fn what_was_found(found: &DiagnoseReport) -> After {
     match &*named(found) {
-        "" => "with the free parameters fitted".to_owned(),
-        names => format!("with {names}, and the free parameters fitted"),
+        "" => After { words: "with the free parameters fitted".to_owned(), name: "fitted".to_owned() },
+        names => After {
+            words: format!("with {names}, and the free parameters fitted"),
+            name: format!("fitted, with {names}"),
+        },
     }
 }
 

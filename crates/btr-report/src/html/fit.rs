@@ -1,6 +1,6 @@
 //! The report of `btr fit`.
 
-use super::ladder::{fall, fine_print};
+use super::ladder::{After, fall, fine_print};
 use super::page::{Block, Report, Section};
 use crate::Subject;
 use crate::base_parameters;
@@ -22,10 +22,12 @@ pub fn fit(subject: &Subject, found: &FitReport, u: &[f64]) -> String {
     let mut sections = vec![lead, ladder, values(subject, found)];
     sections.extend(not_identifiable(found));
     sections.extend(found.base_parameters.as_ref().map(base));
-    sections.extend(subject.before_and_after(u, "with the values above"));
+    let after = After { words: "with the values above".to_owned(), name: "fitted".to_owned() };
+    let (before_and_after, player) = subject.before_and_after(u, &after);
+    sections.extend(before_and_after);
     let integrator = integrator(found.integrator_error, found.time_step_s);
     sections.push(fine_print(subject.input, &found.noise_floor, &integrator, found.rollouts));
-    Report { title: format!("{}: fitted", subject.model()), sections }.html()
+    Report { title: format!("{}: fitted", subject.model()), sections, player }.html()
 }
 
 fn sentence(found: &FitReport) -> String {

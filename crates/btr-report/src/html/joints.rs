@@ -71,6 +71,7 @@ impl ComparedLogs<'_> {
             let measured = &self.logs[log].channel(&format!("q_{joint}"))?.values;
             let before = self.before.and_then(|before| SimulatedJoint::of(before, log, joint));
             Some(JointView {
+                log,
                 name: self.names[log],
                 measured,
                 before,
@@ -108,6 +109,7 @@ fn over_time(view: &JointView) -> Panel {
         x_label: "time (s)".to_owned(),
         y_label: format!("position ({})", view.unit()),
         series,
+        over_log: Some(view.log),
         ..Panel::default()
     }
 }
@@ -127,6 +129,7 @@ fn residual_over_time(view: &JointView) -> Panel {
         x_label: "time (s)".to_owned(),
         y_label: format!("measured − simulated ({})", view.unit()),
         series,
+        over_log: Some(view.log),
         ..Panel::default()
     }
 }

@@ -3,6 +3,7 @@
 
 use super::joints::ComparedLogs;
 use super::page::{Block, Section};
+use super::player::{AS_IT_STANDS, Player, Replayed, ReplayedState};
 use crate::Subject;
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
@@ -10,7 +11,8 @@ use crate::table::{maybe, number};
 use crate::text::{given, left_out, line, reserve};
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
-use btr_lab::verbs::{ErrorUnit, NoiseFloor, VerbInput};
+use btr_identify::compare::{ChannelError, Comparison};
+use btr_lab::verbs::{ErrorUnit, HeldOutLogs, JudgedLogs, NoiseFloor, VerbInput};
 use std::path::{Path, PathBuf};
 
 /// Axis label of errors.
@@ -50,43 +52,77 @@ impl Subject<'_> {
         without.into_iter().chain(sentences).chain(known).map(Block::Text)
     }
 
-    /// The judged channels and the joints, with the original model and at the point `u` of its free parameters, which
-    /// `what` describes. Where the logs cannot be simulated in the model's own time step, the section says so.
-    pub(super) fn before_and_after(&self, u: &[f64], what: &str) -> Vec<Section> {
-        self.simulated(u, what).unwrap_or_else(|error| {
+    /// The judged channels and the joints, with the original model and at the point `u` of its free parameters, and a
+    /// player of both. Where the logs cannot be simulated in the model's own time step, the section says so.
+    pub(super) fn before_and_after(&self, u: &[f64], after: &After) -> (Vec<Section>, Option<Player>) {
+        self.simulated(u, after).unwrap_or_else(|error| {
             let text = format!("These logs could not be simulated as a whole: {error}.");
-            vec![Section { title: "Before and after".to_owned(), blocks: vec![Block::Text(text)] }]
+            (vec![Section { title: "Before and after".to_owned(), blocks: vec![Block::Text(text)] }], None)
         })
     }
 
-    fn simulated(&self, u: &[f64], what: &str) -> Result<Vec<Section>, WorldError> {
+    fn simulated(&self, u: &[f64], is: &After) -> Result<(Vec<Section>, Option<Player>), WorldError> {
         let judged = self.input.judged();
         let after = self.input.judge(&judged, u)?;
         let moved = u.iter().any(|x| *x != 0.0);
         let before = moved.then(|| self.input.judge(&judged, &vec![0.0; u.len()])).transpose()?;
-        let chi = |name: &str| before.as_ref().and_then(|b| b.channels.iter().find(|c| c.name == name)).map(|c| c.chi);
-        let table = Block::Table {
-            header: ["channel", "unit", "noise floor", "before", "after"].map(str::to_owned).to_vec(),
-            rows: after
-                .channels
-                .iter()
-                .map(|c| {
-                    let before = chi(&c.name).map_or_else(|| "-".to_owned(), number);
-                    vec![c.name.clone(), c.unit.clone(), number(c.noise_floor), before, number(c.chi)]
-                })
-                .collect(),
-        };
-        let names = judged.names.join(", ");
-        let before_is = if moved { "before: the original model; " } else { "" };
-        let text = format!(
-            "The model against {names}: {before_is}after: {what}. These errors are of whole simulated logs, in noise \
-             floors; the errors above exclude what uncertain initial states and the time step explain."
-        );
-        let blocks = vec![Block::Text(text), table];
-        let problem = ComparedLogs { names: judged.names, logs: judged.logs, before: before.as_ref(), after: &after };
-        Ok(std::iter::once(Section { title: "Before and after".to_owned(), blocks })
-            .chain(problem.sections())
-            .collect())
+        let errors = before.as_ref().map(|before| &before.comparison);
+        let blocks = vec![
+            Block::Text(format!(
+                "The model against {}: {}after: {}. These errors are of whole simulated logs, in noise floors; the errors \
+                 above exclude what uncertain initial states and the time step explain.",
+                judged.names.join(", "),
+                if moved { "before: the original model; " } else { "" },
+                is.words
+            )),
+            channels(errors, &after.comparison),
+        ];
+        let player = self.player(&judged, before.as_ref(), &after, if moved { &is.name } else { AS_IT_STANDS });
+        let problem = ComparedLogs { names: judged.names, logs: judged.logs, before: errors, after: &after.comparison };
+        let first = Section { title: "Before and after".to_owned(), blocks };
+        Ok((std::iter::once(first).chain(problem.sections()).collect(), player))
+    }
+
+    fn player(
+        &self,
+        judged: &HeldOutLogs,
+        before: Option<&JudgedLogs>,
+        after: &JudgedLogs,
+        name: &str,
+    ) -> Option<Player> {
+        fn state<'a>(name: &str, judged: &'a JudgedLogs) -> ReplayedState<'a> {
+            let JudgedLogs { comparison, simulated } = judged;
+            ReplayedState { name: name.to_owned(), comparison, simulated }
+        }
+        let before = before.map(|before| state(AS_IT_STANDS, before));
+        Player::of(&Replayed {
+            model: self.input.problem.model(),
+            names: &judged.names,
+            logs: judged.logs,
+            states: before.into_iter().chain([state(name, after)]).collect(),
+            in_windows: self.input.problem.is_chaotic(),
+        })
+    }
+}
+
+/// The model after a fit or a diagnosis.
+pub(super) struct After {
+    /// What it is, in a sentence.
+    pub(super) words: String,
+    /// The same, on a button.
+    pub(super) name: String,
+}
+
+/// The errors of all channels before and after.
+fn channels(before: Option<&Comparison>, after: &Comparison) -> Block {
+    let chi = |name: &str| before.and_then(|b| b.channels.iter().find(|c| c.name == name)).map(|c| c.chi);
+    let row = |c: &ChannelError| {
+        let before = chi(&c.name).map_or_else(|| "-".to_owned(), number);
+        vec![c.name.clone(), c.unit.clone(), number(c.noise_floor), before, number(c.chi)]
+    };
+    Block::Table {
+        header: ["channel", "unit", "noise floor", "before", "after"].map(str::to_owned).to_vec(),
+        rows: after.channels.iter().map(row).collect(),
     }
 }
 
@@ -196,7 +232,9 @@ mod tests {
         let parameters = input.problem.parameters().len();
         let shown = |u: f64| {
             let mut html = String::new();
-            let sections = subject.before_and_after(&vec![u; parameters], "");
+            let after = After { words: String::new(), name: String::new() };
+            let (sections, player) = subject.before_and_after(&vec![u; parameters], &after);
+            assert_eq!(player.is_some(), u.is_finite());
             sections.iter().flat_map(|section| &section.blocks).for_each(|block| block.write(&mut html));
             html
         };

@@ -1,7 +1,7 @@
 //! HTML reports: self-contained files that load nothing from the network.
 //!
 //! A report is a list of sections, and a section a list of blocks. Each verb has a function that returns the whole page
-//! as text, for the command line and for Python.
+//! as text, for the command line and for Python. Above the plots it has a player, by a script; all else needs none.
 
 mod clues;
 mod compare;
@@ -10,6 +10,7 @@ mod fit;
 mod joints;
 mod ladder;
 mod page;
+mod player;
 mod views;
 
 pub use compare::compare;

@@ -1,5 +1,7 @@
 //! A page as sections of blocks, and their HTML.
 
+use super::player;
+use super::player::Player;
 use crate::plot::escaped;
 use std::fmt::Write;
 
@@ -9,6 +11,8 @@ pub(super) struct Report {
     pub(super) title: String,
     /// The sections in order.
     pub(super) sections: Vec<Section>,
+    /// Stands after the first section.
+    pub(super) player: Option<Player>,
 }
 
 /// A section of a report.
@@ -63,11 +67,14 @@ impl Report {
     /// The whole document.
     pub(super) fn html(&self) -> String {
         let title = escaped(&self.title);
+        let scripts =
+            self.player.as_ref().map_or_else(String::new, |_| format!("; script-src {}", Player::script_source()));
+        let look = self.player.as_ref().map_or("", |_| player::STYLE);
         let mut out = format!(
             "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
-             <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\"/>\n\
+             <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'{scripts}\"/>\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
-             <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n<nav>"
+             <title>{title}</title>\n<style>{STYLE}{look}</style>\n</head>\n<body>\n<h1>{title}</h1>\n<nav>"
         );
         for (k, section) in self.sections.iter().enumerate() {
             push(&mut out, format_args!("<a href=\"#s{k}\">{}</a>", escaped(&section.title)));
@@ -77,6 +84,9 @@ impl Report {
             push(&mut out, format_args!("<section id=\"s{k}\">\n<h2>{}</h2>\n", escaped(&section.title)));
             section.blocks.iter().for_each(|block| block.write(&mut out));
             out.push_str("</section>\n");
+            if let Some(player) = self.player.as_ref().filter(|_| k == 0) {
+                out.push_str(&player.html());
+            }
         }
         push(&mut out, format_args!("<footer>btr {}</footer>\n</body>\n</html>\n", env!("CARGO_PKG_VERSION")));
         out
@@ -123,7 +133,8 @@ mod tests {
     fn a_report_loads_nothing_and_escapes_names() {
         let table = Block::Table { header: vec!["a".into()], rows: vec![vec!["<b>".into()]] };
         let blocks = vec![Block::Text("x & y".into()), table, Block::List(vec!["<i>".into()])];
-        let report = Report { title: "<script>".into(), sections: vec![Section { title: "one".into(), blocks }] };
+        let report =
+            Report { title: "<script>".into(), sections: vec![Section { title: "one".into(), blocks }], player: None };
         let html = report.html();
         assert!(html.contains("default-src 'none'") && !html.contains("<script") && !html.contains("http:"), "{html}");
         assert!(html.contains("x &amp; y") && html.contains("<td>&lt;b&gt;</td>") && html.contains("href=\"#s0\""));

@@ -8,6 +8,7 @@ pub(super) const FINE: usize = 1200;
 
 /// A joint in one log.
 pub(super) struct JointView<'a> {
+    pub(super) log: usize,
     pub(super) name: &'a str,
     pub(super) measured: &'a [f64],
     pub(super) before: Option<SimulatedJoint<'a>>,

@@ -70,4 +70,6 @@ pub(crate) struct Panel {
     pub(crate) marks_x: Vec<f64>,
     /// Values that the y axis includes, so that panels can be compared.
     pub(crate) show_y: Vec<f64>,
+    /// The log whose time is the x axis, if that is what it is.
+    pub(crate) over_log: Option<usize>,
 }

@@ -125,7 +125,14 @@ fn parameter(data: &Figure3, index: usize, ends: &[f64]) -> Panel {
         series.push(Series::new("reality", Ink::Second, Mark::Dashes, vec![(0.0, *truth), (last, *truth)]));
     }
     let y_label = if unit == "1" { String::new() } else { unit.clone() };
-    Panel { title: name.clone(), x_label: "generation".into(), y_label, series, marks_x: ends.to_vec(), show_y: vec![] }
+    Panel {
+        title: name.clone(),
+        x_label: "generation".into(),
+        y_label,
+        series,
+        marks_x: ends.to_vec(),
+        ..Panel::default()
+    }
 }
 
 /// The individuals of each generation, smallest phi first; those without a phi last.

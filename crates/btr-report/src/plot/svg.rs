@@ -94,7 +94,10 @@ impl Frame {
             line!(out, "<line class=\"mark\" x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{TOP}\" y2=\"{bottom}\"/>");
         }
         let (width, height) = (right - LEFT, bottom - TOP);
-        line!(out, "<rect class=\"frame\" x=\"{LEFT}\" y=\"{TOP}\" width=\"{width}\" height=\"{height}\"/>");
+        let time = panel.over_log.map_or_else(String::new, |log| {
+            format!(" data-log=\"{log}\" data-from=\"{}\" data-to=\"{}\"", self.x.min, self.x.max)
+        });
+        line!(out, "<rect class=\"frame\" x=\"{LEFT}\" y=\"{TOP}\" width=\"{width}\" height=\"{height}\"{time}/>");
         for series in &panel.series {
             self.draw_series(series, out);
         }
