@@ -14,8 +14,8 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 /// Smallest share of a value by which a parameter has moved far.
 const FAR: f64 = 0.1;
 /// An effect is fitted in the place of a parameter's move where at most this share of the change by the move is left,
-/// to first order.
-const NEARLY: f64 = 0.1;
+/// to first order: far moves are bent.
+const NEARLY: f64 = 0.5;
 
 /// The free parameters that may stand in for effects.
 pub(super) fn stand_ins(objective: &Objective, state: &DiagnosisState) -> Vec<StandIn> {
