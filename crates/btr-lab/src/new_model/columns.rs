@@ -62,6 +62,7 @@ impl LogColumns {
         let without = |kind: Kind| found.joints_without(kind, robot);
         let without: Vec<String> = [Kind::Command, Kind::Position].into_iter().filter_map(without).collect();
         found.lacking.extend(without);
+        found.lacking.extend(found.without_commands());
         let has = |log: &NamedLog| found.columns.iter().filter(|column| log.names.contains(&column.name)).count();
         // The first of those with most.
         let fullest = logs.iter().rev().max_by_key(|log| has(log)).unwrap_or(first);
@@ -87,6 +88,17 @@ impl LogColumns {
         let without: Vec<&str> = joints.map(|(_, (_, link))| link.joint.name.as_str()).collect();
         let some = self.has(kind) && !without.is_empty();
         some.then(|| format!("no column has {} of {}", kind.what(), without.join(", ")))
+    }
+
+    /// What to do where joints would not move: neither commands nor torques are found.
+    fn without_commands(&self) -> Option<String> {
+        let moves = [Kind::Command, Kind::TorqueCommand, Kind::Torque].into_iter().any(|kind| self.has(kind));
+        let example = self.columns.iter().find(|column| column.kind == Kind::Position).filter(|_| !moves)?;
+        Some(format!(
+            "no column has commands: write them into [channels.channels] as the positions are, cmd_<joint> instead of \
+             q_<joint>; {} is taken as a measured position",
+            example.name
+        ))
     }
 
     /// Whether there is a column of this kind.

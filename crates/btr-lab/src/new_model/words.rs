@@ -15,7 +15,7 @@ pub(super) enum Kind {
     Torque,
 }
 
-const COMMAND: [&str; 20] = [
+const COMMAND: [&str; 24] = [
     "cmd",
     "command",
     "commanded",
@@ -35,7 +35,11 @@ const COMMAND: [&str; 20] = [
     "demand",
     "soll",
     "sollwert",
+    "ziel",
+    "zielwert",
+    "vorgabe",
     "consigne",
+    "consigna",
 ];
 const VELOCITY: [&str; 8] = ["dq", "qd", "vel", "velocity", "velocities", "speed", "qvel", "rate"];
 const TORQUE: [&str; 7] = ["tau", "torque", "torques", "effort", "trq", "moment", "nm"];
@@ -200,6 +204,7 @@ mod tests {
         assert_eq!(kind("effort_wrist"), (Kind::Torque, "wrist".into()));
         assert_eq!(kind("elbow_current_position"), (Kind::Position, "elbow".into()));
         assert_eq!(kind("Soll A2 [deg]"), (Kind::Command, "a 2".into()));
+        assert_eq!(kind("Ziel A2 [deg]"), (Kind::Command, "a 2".into()));
         assert_eq!(kind("Ist A2 [deg]"), (Kind::Position, "a 2".into()));
         for other in ["target_velocity_hip", "elbow_temperature", "elbow_current", "q_error_hip"] {
             assert_eq!(kind_of(&words(other)), None, "{other}");
