@@ -155,7 +155,26 @@ def test_effects_that_the_stepper_does_not_know_are_named(robot):
     model = mujoco.MjModel.from_xml_path(str(robot))
     unknown = {"effect": "presliding_friction", "torque": 0.1}
     effects = {"joints": {"yaw": [unknown]}, "robot": [{"effect": "voltage_sag", "sag": 1}]}
-    assert btr.mujoco.EffectStepper(model, effects).ignored == ["robot: voltage_sag", "yaw: presliding_friction"]
+    with pytest.warns(UserWarning, match="does not apply robot: voltage_sag, yaw: presliding_friction"):
+        stepper = btr.mujoco.EffectStepper(model, effects)
+    assert stepper.ignored == ["robot: voltage_sag", "yaw: presliding_friction"]
+
+
+def test_a_rotor_that_a_file_cannot_state_turns_with_the_joint(robot):
+    stated, model = (mujoco.MjModel.from_xml_path(str(robot)) for _ in range(2))
+    place = model.joint("elbow").dofadr[0]
+    stated.dof_armature[place] = 0.03
+    steppers = [
+        btr.mujoco.EffectStepper(stated, {"joints": {}}),
+        btr.mujoco.EffectStepper(model, {"joints": {"elbow": [{"effect": "armature", "inertia": 0.03}]}}),
+    ]
+    data = [mujoco.MjData(stated), mujoco.MjData(model)]
+    for _ in range(500):
+        for moved, stepper in zip(data, steppers, strict=True):
+            moved.ctrl[:] = 0.5
+            stepper.step(moved)
+    assert np.array_equal(data[0].qpos, data[1].qpos) and abs(data[0].qpos[0]) > 0.1
+    assert model.dof_armature[place] == 0.0
 
 
 def test_a_step_leaves_the_model_as_it_was(robot):

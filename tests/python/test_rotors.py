@@ -153,5 +153,6 @@ def test_a_joint_with_an_actuator_of_another_kind_is_left_as_it_is():
     muscle = arm().replace('<position joint="elbow" kp="30" kv="0.5" />', '<muscle joint="elbow" lengthrange="0 1"/>')
     assert "muscle" in muscle
     model = mujoco.MjModel.from_xml_string(muscle)
-    stepper = btr.mujoco.EffectStepper(model, {"joints": {"elbow": [ELASTIC], "shoulder": [LOOSE]}})
+    with pytest.warns(UserWarning, match="elbow: joint_elasticity"):
+        stepper = btr.mujoco.EffectStepper(model, {"joints": {"elbow": [ELASTIC], "shoulder": [LOOSE]}})
     assert stepper.ignored == ["elbow: joint_elasticity"]

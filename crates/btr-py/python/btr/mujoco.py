@@ -15,6 +15,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import warnings
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -37,8 +38,8 @@ class EffectStepper:
 
     Commands are changed before they reach the actuators (dead time, lag, rate limit, dead bands, steps, offset), dry
     friction is set anew in each step (Stribeck's, load-dependent, asymmetric), torques are added (cogging, drag), and a
-    joint with backlash or elasticity gets a rotor of its own, on which its actuators act. What of the effects it does
-    not know is in `ignored`."""
+    joint with backlash or elasticity gets a rotor of its own, on which its actuators act. A rotor's inertia acts where
+    the file could not state it. What of the effects it does not know is in `ignored`, and a warning."""
 
     def __init__(self, model: Any, effects: Mapping[str, Any] | str | os.PathLike[str]) -> None:
         """`model` is a `mujoco.MjModel`, and `effects` a file that an export has written, or its content. Raises
@@ -55,6 +56,8 @@ class EffectStepper:
         self._joints = [_Joint(model, name, found) for name, found in given.get("joints", {}).items()]
         for joint in self._joints:
             self.ignored.extend(joint.ignored)
+        if self.ignored:
+            warnings.warn(f"EffectStepper does not apply {', '.join(self.ignored)}", stacklevel=2)
 
     def reset(self) -> None:
         """Forgets earlier commands and readings, as after `mujoco.mj_resetData`."""
@@ -98,6 +101,11 @@ class _Joint:
         self._model, self._joint, self._effects = model, int(joint.id), effects
         self.reset()
         known = {*_COMMANDS, *_TORQUES, *_READINGS, *(Transmission.EFFECTS if self._transmission.is_known else ())}
+        # Behind a transmission, the rotor's inertia is its own.
+        if not any(values["effect"] in Transmission.EFFECTS for values in effects):
+            known.add("armature")
+        inertias = [float(values["inertia"]) for values in effects if values["effect"] == "armature"]
+        self._rotor_inertia = sum(inertias) if "armature" in known else 0.0
         self.ignored = [f"{name}: {values['effect']}" for values in effects if values["effect"] not in known]
 
     def reset(self) -> None:
@@ -123,6 +131,7 @@ class _Joint:
                 command = changed(command, of_motor)
             data.ctrl[actuator] = command * gear
         self._transmission.act(model, data)
+        model.dof_armature[self._dof] += self._rotor_inertia
         # A torque is constant during the step: it is that of the middle.
         q_mid = q + 0.5 * self._dt_s * dq
         dq_mid = dq + 0.5 * self._dt_s * float(data.qacc[self._dof])
