@@ -9,7 +9,7 @@ use btr_identify::quality::Severity;
 use btr_identify::residual_model::TimeStep;
 use btr_lab::experiment::LeftOutLog;
 use btr_lab::verbs::{CompareReport, CorrectedValue, DiagnoseReport, Doubt, NoiseFloor, Support};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The severity of a finding as a word.
 pub fn word(severity: Severity) -> &'static str {
@@ -254,17 +254,45 @@ pub fn about_the_step(outcome: &CompareReport) -> Option<String> {
 /// files.
 pub fn fit_command(report: &DiagnoseReport, subject: &Subject) -> Option<String> {
     let model = &subject.input.source.path;
-    let on_disk = std::iter::once(model).chain(subject.logs).chain(subject.held_out).all(|path| path.exists());
-    let adds: Vec<String> = report.names_to_add().iter().map(|name| format!("--add {name}")).collect();
-    if report.verdict == Verdict::Unexplained || adds.is_empty() || !on_disk {
+    let adds: Vec<String> = report.names_to_add().iter().map(|name| format!("--add {}", shell_word(name))).collect();
+    if report.verdict == Verdict::Unexplained || adds.is_empty() {
+        return None;
+    }
+    let arguments = arguments(model, subject)?;
+    // A fit does not overwrite the model that it reads.
+    let output = if model.ends_with("fitted.toml") { "fitted_again.toml" } else { "fitted.toml" };
+    Some(format!("btr fit {arguments} {} -o {output}", adds.join(" ")))
+}
+
+/// The command that continues a diagnosis that was stopped at a limit and leaves an error: from the model that it has
+/// written, or else with twice as many rollouts. `None` unless the model and all logs are files.
+pub fn diagnose_command(report: &DiagnoseReport, subject: &Subject, written: Option<&Path>) -> Option<String> {
+    if !report.cut_short || !report.leaves_something() {
+        return None;
+    }
+    match written {
+        Some(written) => Some(format!("btr diagnose {}", arguments(written, subject)?)),
+        None => {
+            let arguments = arguments(&subject.input.source.path, subject)?;
+            Some(format!("btr diagnose {arguments} --max-rollouts {}", 2 * report.rollouts))
+        }
+    }
+}
+
+/// The model, the logs and what is frozen, as arguments; `None` unless all are files.
+fn arguments(model: &Path, subject: &Subject) -> Option<String> {
+    let logs = || subject.logs.iter().chain(subject.held_out).map(PathBuf::as_path);
+    if !std::iter::once(model).chain(logs()).all(Path::exists) {
         return None;
     }
     let paths = |paths: &[PathBuf]| paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(" ");
     let held_out =
         if subject.held_out.is_empty() { String::new() } else { format!(" --held-out {}", paths(subject.held_out)) };
-    let freezes: String = subject.input.frozen.iter().map(|name| format!(" --freeze {name}")).collect();
-    // A fit does not overwrite the model that it reads.
-    let output = if model.ends_with("fitted.toml") { "fitted_again.toml" } else { "fitted.toml" };
-    let (model, logs, adds) = (model.display(), paths(subject.logs), adds.join(" "));
-    Some(format!("btr fit {model} {logs}{held_out} {adds}{freezes} -o {output}"))
+    let freezes: String = subject.input.frozen.iter().map(|name| format!(" --freeze {}", shell_word(name))).collect();
+    Some(format!("{} {}{held_out}{freezes}", model.display(), paths(subject.logs)))
+}
+
+/// A name as a shell takes it: `*` would be a pattern.
+fn shell_word(name: &str) -> String {
+    if name.contains('*') { format!("'{name}'") } else { name.to_owned() }
 }

@@ -15,7 +15,7 @@ use btr_lab::verbs::{DiagnoseReport, Support, VerbInput};
 use btr_report::Subject;
 use btr_report::html;
 use btr_report::table::{Table, number};
-use btr_report::text::{evidence, findings, fit_command, stand_in, what_remains};
+use btr_report::text::{diagnose_command, evidence, findings, fit_command, stand_in, what_remains};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     if global.json {
         println!("{}", serde_json::json!(report));
     } else {
-        show(&report, args, &subject);
+        show(&report, args, &subject, interrupted.load(Ordering::Relaxed));
     }
     announce(args.output.as_deref(), "the model as diagnosed", global);
     announce(args.logs_args.report.as_deref(), "the report", global);
@@ -110,12 +110,11 @@ fn word_of(verdict: Verdict) -> String {
     serde_json::json!(verdict).as_str().unwrap_or_default().to_owned()
 }
 
-fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
+fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject, interrupted: bool) {
     println!("\n{}\n", common::table(&report.error_ladder, subject.input.error_unit()).render());
     println!("{}", sentence(report));
     if report.cut_short {
-        println!("stopped before the search had finished: this is the best so far");
-        println!("--max-rollouts and --max-time set how long it searches");
+        println!("{}", stopped(report, args, interrupted));
     }
     report.shows_noise().iter().for_each(|sentence| println!("{sentence}"));
     report.shows_left_over().iter().for_each(|sentence| println!("{sentence}"));
@@ -149,9 +148,23 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject) {
         println!("at their bounds: {}; widen the bounds before relying on this result", report.at_bound.join(", "));
     }
     println!("{} rollouts in {} s", report.rollouts, number(report.seconds));
-    if let Some(command) = fit_command(report, subject) {
+    let on = diagnose_command(report, subject, args.output.as_deref());
+    if let Some(command) = on.or_else(|| fit_command(report, subject)) {
         println!("\nnext: {command}");
     }
+}
+
+/// That the search had not finished, and at which limit.
+fn stopped(report: &DiagnoseReport, args: &DiagnoseArgs, interrupted: bool) -> String {
+    let limit = match (args.max_time, args.max_rollouts) {
+        _ if interrupted => "by an interrupt".to_owned(),
+        (Some(time), _) if report.seconds >= time.as_secs_f64() => "at --max-time".to_owned(),
+        (_, Some(most)) => format!("at --max-rollouts {most}"),
+        (_, None) => {
+            format!("after {} rollouts, about the usual number (--max-rollouts sets another)", report.rollouts)
+        }
+    };
+    format!("stopped {limit} before the search had finished: this is the best so far")
 }
 
 /// A finding and what speaks for it.

@@ -35,7 +35,7 @@ use btr_core::world::{Cancelled, WorldError};
 use companion::{companion, exchange, exchange_for_larger, is_near, weigh_pairs};
 use evidence::NoiseBound;
 use refit::Rival;
-use report::{SEARCH, SecondLooks};
+use report::SecondLooks;
 use residual_law::residual_law;
 use round::round;
 use stand_ins::stand_ins;
@@ -110,7 +110,7 @@ fn go_on(
     let mut cut_short = false;
     while state.effects(objective) < question.max_effects && state.leaves_something(objective, &state.fit) {
         let next = objective.rollouts().saturating_add(screen::rollouts(objective));
-        cut_short = !question.allows(SEARCH, next) || objective.is_stopped();
+        cut_short = !question.allows_round(next, state.is_falling()) || objective.is_stopped();
         if cut_short {
             break;
         }

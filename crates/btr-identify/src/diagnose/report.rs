@@ -22,9 +22,17 @@ pub struct DiagnoseOptions {
     /// of this number, none screens a second time beyond half of it, and no law is searched beyond all of it. What a
     /// round has begun to fit is finished.
     pub max_rollouts: usize,
+    /// The same for further rounds while what is found halves the error: at least as many.
+    pub max_rollouts_while_falling: usize,
 }
 
 impl DiagnoseOptions {
+    /// Whether another round may begin that leads to so many rollouts.
+    pub(super) fn allows_round(&self, rollouts: usize, is_falling: bool) -> bool {
+        let most = if is_falling { self.max_rollouts_while_falling } else { self.max_rollouts };
+        DiagnoseOptions { max_rollouts: most, ..*self }.allows(SEARCH, rollouts)
+    }
+
     /// Whether a share of the rollouts is left, after these.
     pub(super) fn allows(&self, share: f64, rollouts: usize) -> bool {
         (rollouts as f64) <= share * self.max_rollouts as f64
@@ -33,7 +41,7 @@ impl DiagnoseOptions {
 
 impl Default for DiagnoseOptions {
     fn default() -> Self {
-        DiagnoseOptions { max_effects: 3, max_rollouts: usize::MAX }
+        DiagnoseOptions { max_effects: 3, max_rollouts: usize::MAX, max_rollouts_while_falling: usize::MAX }
     }
 }
 

@@ -36,7 +36,8 @@ const USUAL_EFFECTS_OF_JOINT: usize = 4;
 
 impl VerbInput {
     /// The options of a diagnosis that names at most so many effects; usually three, or four per joint where the motion
-    /// is prescribed. Without a number of rollouts, the usual one: most points of a prescribed motion take none. A
+    /// is prescribed. Without a number of rollouts, the usual one, or twice as many while
+    /// what is found halves the error: most points of a prescribed motion take none. A
     /// floating robot, whose contacts take many tries, has no limit.
     pub fn options(&self, max_effects: Option<usize>, max_rollouts: Option<usize>) -> DiagnoseOptions {
         let robot = &self.problem.model().robot;
@@ -49,7 +50,11 @@ impl VerbInput {
         } else {
             usize::MAX
         };
-        DiagnoseOptions { max_effects, max_rollouts: max_rollouts.unwrap_or(usual) }
+        let (most, while_falling) = match max_rollouts {
+            Some(most) => (most, most),
+            None => (usual, usual.saturating_mul(2)),
+        };
+        DiagnoseOptions { max_effects, max_rollouts: most, max_rollouts_while_falling: while_falling }
     }
 
     /// The text of the diagnosed model for a file in the folder `into`: the effects that were found are in it as free

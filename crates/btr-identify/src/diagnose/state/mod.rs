@@ -152,7 +152,10 @@ impl DiagnosisState {
             });
             match needless {
                 Some(fit) => {
+                    // What the earlier one explained, the latest explains in its place.
+                    let share = self.chosen[index].evidence.share;
                     self.drop_with(objective, index, fit);
+                    self.chosen.iter_mut().last().into_iter().for_each(|latest| latest.evidence.share += share);
                 }
                 None => index += 1,
             }
@@ -267,6 +270,13 @@ impl DiagnosisState {
             return squares > objective.noise_bound().powi(2);
         }
         squares > 1.0 + LEARNT_FALL / 2.0 + self.integrator.powi(2)
+    }
+
+    /// Whether the latest finding has at least halved the error.
+    pub(super) fn is_falling(&self) -> bool {
+        let latest = self.ladder.iter().rposition(|step| step.step.starts_with('+')).filter(|k| *k > 0);
+        let before = latest.map(|k| self.ladder[k - 1].train);
+        before.zip(self.ladder.last()).is_some_and(|(before, now)| now.train <= 0.5 * before)
     }
 
     /// Records the current error as a step of the ladder.

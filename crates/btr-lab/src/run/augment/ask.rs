@@ -65,7 +65,11 @@ impl Cause {
         let model = experiment.replaying(&tests_with_logs, learn).map_err(|error| DiagnosisError::why(&error))?;
         let problem =
             IdentificationProblem::new(Arc::new(model), logs, &[]).map_err(|error| DiagnosisError::why(&error))?;
-        let options = DiagnoseOptions { max_rollouts: allowance(experiment), ..DiagnoseOptions::default() };
+        let options = DiagnoseOptions {
+            max_rollouts: allowance(experiment),
+            max_rollouts_while_falling: allowance(experiment),
+            ..DiagnoseOptions::default()
+        };
         let residual_model = RemoteModel::here(Arc::new(problem), experiment.context.clone());
         let found = diagnose(&mut Objective::new(&residual_model), options, on_step).map_err(|error| match error {
             WorldError::Cancelled(cancelled) => cancelled.into(),
