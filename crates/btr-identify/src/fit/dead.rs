@@ -53,7 +53,7 @@ impl FitPoint {
             (0..SIZES).flat_map(|k| dead.iter().map(move |&parameter| (parameter, k))).collect();
         let mut tried: Vec<Size> = Vec::new();
         // No more at once than a Jacobian holds.
-        for some in all.chunks(self.active.len().max(dead.len())) {
+        for some in all.chunks(self.active.len().max(1)) {
             let points: Vec<_> = some.iter().map(with).collect();
             let residuals = objective.moved(&points, &self.u, &bare);
             tried.extend(points.into_iter().zip(residuals).filter_map(|((parameter, u), residual)| {
