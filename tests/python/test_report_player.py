@@ -65,7 +65,8 @@ def opened(chromium: "playwright.Browser", path: Path, width: int = 1400, **cont
 
 def time(page: "playwright.Page") -> float:
     """The shown time in s, also where the clock is hidden."""
-    return float(page.locator(".clock").text_content().split()[0])
+    # The clock is empty before the first frame.
+    return float(page.locator(".clock", has_text="/").text_content().split()[0])
 
 
 def until(holds: Callable[[], bool]) -> None:
