@@ -130,7 +130,7 @@ fn what_a_model_states_of_its_links_is_exported() {
 }
 
 #[test]
-fn a_longer_time_step_than_the_model_s_is_told() {
+fn a_longer_time_step_than_the_model_s_and_an_integrator_of_first_order_are_told() {
     let lab = lab();
     let advice = |option: &str| {
         lab.write("arm.xml", &MJCF.replace("  <worldbody>", &format!("  {option}<worldbody>")));
@@ -139,10 +139,17 @@ fn a_longer_time_step_than_the_model_s_is_told() {
         lines.map(|line| line.as_str().unwrap().to_owned()).collect::<Vec<_>>()
     };
     let told = advice("");
-    assert_eq!(told.len(), 1);
-    insta::assert_snapshot!("export_time_step", told[0]);
+    assert_eq!(told.len(), 2);
+    insta::assert_snapshot!("export_time_step", told.join("\n"));
     assert!(advice("<option timestep=\"0.005\"/>")[0].starts_with("timestep: 0.005 s in the file, and 0.001 s"));
-    for silent in ["<option timestep=\"0.001\"/>", "<option timestep=\"0.0005\"/>", "<include file=\"scene.xml\"/>"] {
+    assert!(
+        advice("<option timestep=\"0.001\" integrator=\"implicit\"/>")[0].starts_with("integrator: implicit, errs")
+    );
+    for silent in [
+        "<option timestep=\"0.001\" integrator=\"RK4\"/>",
+        "<option integrator=\"RK4\" timestep=\"0.0005\"/>",
+        "<include file=\"scene.xml\"/>",
+    ] {
         assert_eq!(advice(silent), Vec::<String>::new(), "{silent}");
     }
     assert!(!lab.read("out.xml").contains("timestep"));

@@ -82,6 +82,13 @@ impl JointFacts {
         facts
     }
 
+    /// Whether dry friction holds the joint at rest, without creep.
+    pub(super) fn rests_by_friction(&self) -> bool {
+        let has = |name: &str| self.left.iter().any(|placed| placed.effect.spec().name == name);
+        let further = ["stribeck_friction", "load_dependent_friction", "asymmetric_friction"];
+        (self.coulomb != 0.0 || further.into_iter().any(has)) && !has("friction_creep")
+    }
+
     /// Counts the dead time of the command as left.
     pub(super) fn leave_delay(&mut self) {
         self.leave("command_delay", [self.delay_s]);

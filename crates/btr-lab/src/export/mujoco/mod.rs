@@ -34,6 +34,11 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
     Ok(exported)
 }
 
+/// Softness of dry friction that hardly creeps: MuJoCo's own lets a joint that rests slide under its load. Time
+/// constants below two steps count as two.
+const HARD_FRICTION: [(&str, &str); 2] =
+    [("solreffriction", "0.001 1"), ("solimpfriction", "0.9999 0.9999 0.001 0.5 2")];
+
 struct File<'a, 'i> {
     text: &'a str,
     document: &'a Document<'i>,
@@ -65,6 +70,15 @@ impl<'a, 'i> File<'a, 'i> {
         }
         if joint.stiffness != 0.0 {
             self.set(element, "springref", &number(rest), &joint.name);
+        }
+        // How soft the friction is that the file has was chosen with it.
+        let known = self.known(element, "frictionloss").is_some_and(|loss| loss.iter().any(|loss| *loss != 0.0));
+        if joint.rests_by_friction() && !known {
+            for (name, hard) in HARD_FRICTION {
+                if !element.has_attribute(name) && default_of(self.document, element, name).is_none() {
+                    self.set(element, name, hard, &joint.name);
+                }
+            }
         }
         self.actuators(joint);
     }
