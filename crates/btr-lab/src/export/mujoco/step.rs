@@ -18,7 +18,7 @@ pub(super) fn advice(document: &Document, model_s: f64) -> impl Iterator<Item = 
 fn longer(document: &Document, model_s: f64) -> Option<String> {
     let (file_s, whose) = match stated(document, "timestep") {
         Stated::Value(step) => (step.trim().parse().ok()?, ""),
-        Stated::Elsewhere => return None,
+        Stated::Included => return None,
         Stated::Nowhere => (DEFAULT_S, ", MuJoCo's default"),
     };
     let (file, model) = (number(file_s), number(model_s));
@@ -34,7 +34,7 @@ fn longer(document: &Document, model_s: f64) -> Option<String> {
 fn of_first_order(document: &Document) -> Option<String> {
     let (integrator, whose) = match stated(document, "integrator") {
         Stated::Value(integrator) => (integrator, ""),
-        Stated::Elsewhere => return None,
+        Stated::Included => return None,
         Stated::Nowhere => ("Euler", ", MuJoCo's default"),
     };
     (integrator != "RK4").then(|| {
@@ -48,8 +48,8 @@ fn of_first_order(document: &Document) -> Option<String> {
 /// An option of the file.
 enum Stated<'a> {
     Value(&'a str),
-    /// It may be in a file that this includes.
-    Elsewhere,
+    /// It may be in an included file.
+    Included,
     Nowhere,
 }
 
@@ -57,7 +57,7 @@ fn stated<'a>(document: &'a Document, name: &str) -> Stated<'a> {
     let options = children(document.root_element(), "option");
     match options.filter_map(|option| option.attribute(name)).last() {
         Some(value) => Stated::Value(value),
-        None if document.descendants().any(|node| node.has_tag_name("include")) => Stated::Elsewhere,
+        None if document.descendants().any(|node| node.has_tag_name("include")) => Stated::Included,
         None => Stated::Nowhere,
     }
 }
