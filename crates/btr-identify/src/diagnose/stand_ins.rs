@@ -50,8 +50,8 @@ fn effects_instead(
     fit: &FitPoint,
     parameter: usize,
 ) -> Option<Vec<usize>> {
-    let (parameters, candidates) = (objective.parameters(), objective.candidates());
-    let (_, site) = parameters[parameter].name.rsplit_once('@')?;
+    let candidates = objective.candidates();
+    let (_, site) = objective.parameters()[parameter].name.rsplit_once('@')?;
     let is_simple = |&candidate: &usize| {
         let candidate = &candidates[candidate];
         candidate.kind == CandidateKind::Effect
@@ -60,42 +60,67 @@ fn effects_instead(
             && candidate.amplitudes.len() == 1
     };
     let offered: Vec<usize> = state.offered(objective).into_iter().filter(is_simple).collect();
-    let active: Vec<usize> = fit.active.iter().copied().filter(|&k| k != parameter).collect();
-    let mut u = fit.u.clone();
-    u[parameter] = 0.0;
-    let back = FitPoint::at(objective, active, u, &fit.step_error).ok()?;
-    let others = Others::of(fit, parameter, parameters)?;
-    let change = DVector::from_iterator(
-        fit.residual.len(),
-        back.residual.iter().zip(&fit.residual).map(|(back, here)| back - here),
-    );
-    let whole = others.common(&change, &change);
-    if whole <= DECISIVE {
-        return None;
-    }
     let amplitudes: Vec<usize> = offered.iter().map(|&candidate| candidates[candidate].amplitudes[0]).collect();
-    let responses = columns(objective, &back.u, &amplitudes, &back.residual, &fit.step_error);
-    let size_of = |(response, &amplitude): (Vec<f64>, &usize)| {
-        let response = DVector::from_vec(response);
-        let (along, square) = (others.common(&change, &response), others.common(&response, &response));
-        let size = -along / square;
-        let (least, most) = parameters[amplitude].bounds;
-        (whole - along.powi(2) / square <= NEARLY * whole && least < size && size < most).then_some(size)
-    };
-    let sizes: Vec<Option<f64>> = responses.into_iter().zip(&amplitudes).map(size_of).collect();
+    let moved = MovedBack::of(objective, fit, parameter)?;
     let measure = ComparisonMeasure::of(objective, fit);
-    let explains = |amplitude: usize, size: f64| {
-        let mut u = back.u.clone();
-        u[amplitude] = size;
-        let active = back.active.iter().copied().chain([amplitude]).collect();
-        FitPoint::at(objective, active, u, &fit.step_error).is_ok_and(|mut instead| {
-            instead.solve(objective, FOLLOWER);
-            measure.criterion(&instead) - measure.criterion(fit) <= DECISIVE
-        })
-    };
+    let sizes = moved.sizes(objective, &amplitudes);
     let fitted = offered.into_iter().zip(amplitudes).zip(sizes);
-    let instead = fitted.filter(|((_, amplitude), size)| size.is_some_and(|size| explains(*amplitude, size)));
+    let instead = fitted.filter(|((_, amplitude), size)| {
+        let with = size.and_then(|size| moved.with(objective, *amplitude, size));
+        with.is_some_and(|with| measure.criterion(&with) - measure.criterion(fit) <= DECISIVE)
+    });
     Some(instead.map(|((candidate, _), _)| candidate).collect())
+}
+
+/// A fit with a parameter moved back to the model's value.
+struct MovedBack<'a> {
+    fit: &'a FitPoint,
+    back: FitPoint,
+    /// What moving back changes in the residual, and its square without what the other parameters make up for.
+    change: DVector<f64>,
+    square: f64,
+    others: Others,
+}
+
+impl<'a> MovedBack<'a> {
+    /// `None` where the model's value cannot be simulated, or the move makes no difference.
+    fn of(objective: &Objective, fit: &'a FitPoint, parameter: usize) -> Option<Self> {
+        let active: Vec<usize> = fit.active.iter().copied().filter(|&k| k != parameter).collect();
+        let mut u = fit.u.clone();
+        u[parameter] = 0.0;
+        let back = FitPoint::at(objective, active, u, &fit.step_error).ok()?;
+        let others = Others::of(fit, parameter, objective.parameters())?;
+        let change = back.residual.iter().zip(&fit.residual).map(|(back, here)| back - here);
+        let change = DVector::from_iterator(fit.residual.len(), change);
+        let square = others.common(&change, &change);
+        (square > DECISIVE).then_some(MovedBack { fit, back, change, square, others })
+    }
+
+    /// The size of each amplitude that makes up for the change to first order; `None` where it leaves most of it, or is
+    /// beyond its bounds.
+    fn sizes(&self, objective: &Objective, amplitudes: &[usize]) -> Vec<Option<f64>> {
+        let responses = columns(objective, &self.back.u, amplitudes, &self.back.residual, &self.fit.step_error);
+        let size_of = |(response, &amplitude): (Vec<f64>, &usize)| {
+            let response = DVector::from_vec(response);
+            let along = self.others.common(&self.change, &response);
+            let square = self.others.common(&response, &response);
+            let size = -along / square;
+            let (least, most) = objective.parameters()[amplitude].bounds;
+            let is_enough = self.square - along.powi(2) / square <= NEARLY * self.square;
+            (is_enough && least < size && size < most).then_some(size)
+        };
+        responses.into_iter().zip(amplitudes).map(size_of).collect()
+    }
+
+    /// The fit with an amplitude of about this size in the place of the move.
+    fn with(&self, objective: &Objective, amplitude: usize, size: f64) -> Option<FitPoint> {
+        let mut u = self.back.u.clone();
+        u[amplitude] = size;
+        let active = self.back.active.iter().copied().chain([amplitude]).collect();
+        let mut with = FitPoint::at(objective, active, u, &self.fit.step_error).ok()?;
+        with.solve(objective, FOLLOWER);
+        Some(with)
+    }
 }
 
 /// The other free parameters, which adapt to any change of the residual.
