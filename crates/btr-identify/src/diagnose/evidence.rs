@@ -2,7 +2,7 @@
 
 use super::own;
 use super::report::{Evidence, MissingEffect, Verdict};
-use super::thresholds::{AT_MOST, CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY, STABLE};
+use super::thresholds::{AT_MOST, AT_MOST_UNSTABLE, CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY, STABLE};
 use crate::LadderStep;
 use crate::fit::residual_vector::{ResidualVector, chi, squares};
 use crate::fit::{FitPoint, LogSet, Objective};
@@ -143,6 +143,9 @@ pub(super) fn weigh(last: &LadderStep, at_first: f64, bound: NoiseBound, finding
         let in_most = evidence.logs_better as f64 >= IN_MOST_LOGS * evidence.logs as f64;
         let stable = evidence.leave_one_out_change.is_none_or(|change| change <= STABLE);
         evidence.established = explained || (mostly && evidence.share >= CONSIDERABLE && in_most && stable);
+        if !stable {
+            found.probability = found.probability.min(AT_MOST_UNSTABLE);
+        }
         if !explained {
             // The likelihood takes what is left for noise. It is not: another cause may be behind all of it.
             found.probability *= share.min(AT_MOST);
@@ -197,7 +200,10 @@ mod tests {
         };
         assert_eq!(verdict(1.4, 1.4, &mut [change(0.1)]), Verdict::PartlyExplained);
         assert_eq!(verdict(1.4, 1.4, &mut [change(0.9)]), Verdict::Unexplained);
-        assert_eq!(verdict(1.0, 1.0, &mut [change(0.9)]), Verdict::EffectMissing);
+        // Where nothing is left, it is named, and not called certain.
+        let mut findings = [change(0.9)];
+        assert_eq!(verdict(1.0, 1.0, &mut findings), Verdict::EffectMissing);
+        assert!((findings[0].probability - AT_MOST_UNSTABLE).abs() < 1e-12, "{}", findings[0].probability);
     }
 
     #[test]

@@ -24,6 +24,9 @@ pub const CONSIDERABLE: f64 = 0.05;
 pub const IN_MOST_LOGS: f64 = 0.8;
 /// ... and largest share by which its size may change if one of the training logs is left out.
 pub const STABLE: f64 = 0.5;
+/// Largest probability of a finding whose size changes by more: two that are small at once look like a third one that
+/// differs from log to log.
+pub const AT_MOST_UNSTABLE: f64 = 0.9;
 /// Largest probability of a finding while an error is left.
 pub const AT_MOST: f64 = 0.95;
 /// Where all but noise is explained, nothing lowers B by more than about 10 any more. A candidate that explains too
