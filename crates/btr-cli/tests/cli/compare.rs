@@ -97,6 +97,14 @@ fn a_diagnosis_out_of_time_reports_and_keeps_the_best_so_far() {
     assert_eq!(found["effects"].as_array().unwrap().len(), 0);
     assert!(lab.exists("found.toml"));
     assert!(lab.ok("diagnose swing.toml log.csv --max-time 0.000001").contains("this is the best so far"));
+    // The limit is named, and the next command goes on with the diagnosis.
+    let told = lab.ok("diagnose swing.toml log.csv --max-time 0.000001 -o found.toml");
+    assert!(
+        told.contains("stopped at --max-time") && told.contains("next: btr diagnose found.toml log.csv\n"),
+        "{told}"
+    );
+    let told = lab.ok("diagnose swing.toml log.csv --max-rollouts 1");
+    assert!(told.contains("stopped at --max-rollouts 1") && told.contains("log.csv --max-rollouts "), "{told}");
     for wrong in ["0", "-1", "inf", "soon"] {
         assert!(
             lab.complaint(&format!("diagnose swing.toml log.csv --max-time={wrong}")).contains("above 0"),

@@ -40,6 +40,27 @@ fn a_stopped_diagnosis_names_the_first_of_what_a_whole_one_names() {
     assert!(stopped_with.iter().all(|count| *count > 0), "{stopped_with:?}");
 }
 
+/// Beyond the usual rollouts a diagnosis goes on while what is found halves the error, and no longer.
+#[test]
+fn a_diagnosis_goes_on_while_what_is_found_halves_the_error() {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        u[0] * swing(3.0, log, t) + u[1] * swing(5.0, log, t) + u[2] * swing(7.0, log, t)
+    };
+    let found = |sizes: [f64; 2], max_rollouts: usize, max_rollouts_while_falling: usize| {
+        let model = SyntheticModel::new(&["first", "second"], &[0.4, sizes[0], sizes[1]], motion);
+        let options = DiagnoseOptions { max_rollouts, max_rollouts_while_falling, ..DiagnoseOptions::default() };
+        let diagnosis = diagnose(&mut Objective::new(&model), options, &|_| ()).unwrap();
+        (diagnosis.effects.len(), diagnosis.cut_short)
+    };
+    let (falls, hardly_falls) = ([9.0, 2.5], [9.0, 8.5]);
+    for sizes in [falls, hardly_falls] {
+        let one = (1..100).map(|k| 20 * k).find(|&most| found(sizes, most, most) == (1, true)).unwrap();
+        let then = if sizes == falls { (2, false) } else { (1, true) };
+        assert_eq!(found(sizes, one, usize::MAX), then, "{sizes:?} {one}");
+        assert_eq!(found(sizes, usize::MAX, usize::MAX), (2, false));
+    }
+}
+
 /// One effect shows in the training logs, another one in the held-out log.
 #[test]
 fn effects_that_show_in_different_logs_are_found_together() {
