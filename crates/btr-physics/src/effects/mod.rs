@@ -79,6 +79,7 @@ effects! {
         encoder_scale::EncoderScale,
         encoder_offset::EncoderOffset,
         encoder_delay::EncoderDelay,
+        command_scale::CommandScale,
         torque_scale::TorqueScale,
         imu_bias::ImuBias,
         clock_skew::ClockSkew,

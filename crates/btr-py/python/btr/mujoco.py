@@ -205,6 +205,10 @@ def _offset(values: _Values, dt_s: float) -> Callable[[float, float], float]:
     return lambda command, q: command + values["offset"]
 
 
+def _scale(values: _Values, dt_s: float) -> Callable[[float, float], float]:
+    return lambda command, q: (1.0 + values["error"]) * command
+
+
 def _resolution(values: _Values, dt_s: float) -> Callable[[float, float], float]:
     step = values["step"]
     return lambda command, q: step * math.copysign(math.floor(abs(command) / step + 0.5), command)
@@ -231,6 +235,7 @@ _COMMANDS.update(
     motor_lag=_lag,
     command_deadband=_deadband,
     command_offset=_offset,
+    command_scale=_scale,
     command_resolution=_resolution,
     command_hysteresis=_hysteresis,
     # The servo closes its loop on what its encoder reads.

@@ -1,5 +1,5 @@
 //! Cogging: a torque that is periodic in the position, from magnets attracted by the stator's teeth or from an
-//! eccentric gear.
+//! eccentric gear. Orders below 2 are left out: a torque that repeats once a turn is that of gravity on a link.
 
 use crate::actuation::JointInput;
 use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind, TorqueLaw};
@@ -19,15 +19,12 @@ static SPEC: EffectSpec = EffectSpec {
     symptom: "a ripple in the torque residual that repeats with the position, the same at every speed",
     params: &[
         Param::new("amplitude", "N·m", (0.0, 5.0), 0.1),
-        Param::shape("order", "1", (0.5, 100.0), 6.0),
+        Param::shape("order", "1", (2.0, 100.0), 6.0),
         Param::shape("phase", "rad", (-PI, PI), 0.0),
     ],
     // An amplitude is not negative: three phases reach every other one within a sixth of a turn. The orders of faster
     // ripples come from the error.
     starts: &[
-        &[1.0, -THIRD],
-        &[1.0, 0.0],
-        &[1.0, THIRD],
         &[2.0, -THIRD],
         &[2.0, 0.0],
         &[2.0, THIRD],

@@ -13,7 +13,7 @@ static SPEC: EffectSpec = EffectSpec {
     site: SiteKind::Joint,
     cite: "gain error of a potentiometer, a wrong gear ratio",
     symptom: "a position error that grows with the distance from zero",
-    params: &[Param::new("error", "1", (-0.5, 0.5), 0.05)],
+    params: &[Param::new("error", "1", (-0.5, 1.0), 0.05)],
     starts: &[],
     similar: &["encoder_offset"],
     nested: &[],
