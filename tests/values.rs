@@ -44,6 +44,21 @@ fn a_wrong_value_is_named_with_what_the_logs_show() {
     }
 }
 
+/// A joint that counts the other way round than the robot's file says, in readings and commands.
+#[test]
+fn a_joint_that_counts_the_other_way_round_is_named() {
+    for joint in ["shoulder", "elbow"] {
+        let planted = Planted { values: vec![(&format!("direction@{joint}").leak()[..], -1.0)], ..Planted::default() };
+        let waves = Waves { seconds: 4, amplitude_rad: 0.5, steps_rad: 0.0 };
+        let problem = problem(arm(str::to_owned), waves, &planted, &[]);
+        let diagnosis = diagnosis(&problem);
+        let found = names(&problem, &diagnosis);
+        assert_eq!((diagnosis.verdict, found), (Verdict::ValueWrong, vec![format!("direction@{joint}")]));
+        let estimate = &diagnosis.effects[0].parameters[0];
+        assert!((estimate.value + 1.0).abs() < 1e-12 && estimate.ci95.is_none() && !estimate.at_bound, "{estimate:?}");
+    }
+}
+
 #[test]
 fn right_values_are_not_suspected() {
     let (_, diagnosis) = with_a_wrong_value("kp@elbow", 12.0);

@@ -127,6 +127,8 @@ pub fn estimate(estimate: &Estimate) -> Vec<String> {
 /// The 95 % interval, or the reason why there is none.
 pub fn interval(estimate: &Estimate) -> String {
     match (estimate.ci95, estimate.at_bound) {
+        // It has two values.
+        _ if estimate.name.starts_with(DIRECTION) => String::new(),
         (_, true) => "at its bound".to_owned(),
         (Some([low, high]), _) => {
             let by = if estimate.by_bounds { " (by its bounds)" } else { "" };
@@ -134,6 +136,18 @@ pub fn interval(estimate: &Estimate) -> String {
         }
         (None, _) => "withheld".to_owned(),
     }
+}
+
+/// Begins the name of a value that says which way a joint counts.
+const DIRECTION: &str = "direction@";
+
+/// What to do about a wrong value, where its numbers do not say it.
+pub fn remedy(value: &CorrectedValue) -> Option<String> {
+    let joint = value.estimate.name.strip_prefix(DIRECTION)?;
+    Some(format!(
+        "{joint} counts the other way round than the model says: turn its axis round in the robot's file, or give q_{joint} and \
+         cmd_{joint} the factor -1 in [channels]"
+    ))
 }
 
 /// Header of a table of estimates.

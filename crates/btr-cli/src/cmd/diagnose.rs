@@ -133,6 +133,7 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject, interru
         let mut table = Table::new(&btr_report::text::CORRECTED);
         value.parameters.iter().for_each(|corrected| table.row(btr_report::text::corrected(corrected)));
         println!("{}", table.render());
+        value.parameters.iter().filter_map(btr_report::text::remedy).for_each(|remedy| println!("{remedy}"));
     }
     law(report);
     if let Some(next) = &report.next_experiment {

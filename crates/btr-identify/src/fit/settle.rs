@@ -3,7 +3,7 @@
 use super::objective::{LogSet, Objective};
 use super::residual_vector::{ResidualVector, corrected};
 use super::solve::{FitPoint, cost};
-use crate::residual_model::{FitParameter, Parametrisation};
+use crate::residual_model::FitParameter;
 use btr_core::optimize::QuadraticModel;
 use btr_core::world::WorldError;
 use nalgebra::{DMatrix, DVector};
@@ -90,7 +90,7 @@ impl FitPoint {
     fn bounded_step(&self, objective: &Objective, jacobian: &DMatrix<f64>) -> Option<(DVector<f64>, Vec<Option<f64>>)> {
         let parameters = objective.parameters();
         let normal = self.quadratic_model(objective, jacobian);
-        let is_stair = |k: &usize| parameters[*k].law == Parametrisation::Stair;
+        let is_stair = |k: &usize| parameters[*k].is_searched();
         let mut pinned: Vec<Option<f64>> = self.active.iter().map(|k| is_stair(k).then_some(0.0)).collect();
         loop {
             let step = normal.step(0.0, &pinned)?;
@@ -144,6 +144,7 @@ mod tests {
     use super::*;
     use crate::fit::{Intervals, SearchBudget, estimates};
     use crate::fixture::{SyntheticModel, parameter};
+    use crate::residual_model::Parametrisation;
 
     const ROWS: usize = 200;
     /// True mass, gain and friction.

@@ -17,10 +17,11 @@ const FOLLOWING: SearchBudget = SearchBudget { jacobians: 1, steps: 6 };
 const NINETY_FIVE: f64 = 3.84;
 
 impl FitPoint {
-    /// The active parameters in which the cost is a stair.
-    fn stairs(&self, objective: &Objective) -> Vec<usize> {
-        let is_stair = |k: &usize| objective.parameters()[*k].law == Parametrisation::Stair;
-        self.active.iter().copied().filter(is_stair).collect()
+    /// The active parameters that no derivative leads to.
+    fn searched(&self, objective: &Objective) -> impl Iterator<Item = usize> + use<> {
+        let searched: Vec<usize> =
+            self.active.iter().copied().filter(|&k| objective.parameters()[k].is_searched()).collect();
+        searched.into_iter()
     }
 
     /// Points with other values of a parameter, up to a share of it to either side.
@@ -37,7 +38,8 @@ impl FitPoint {
     /// Moves each such parameter to the middle of the values about its own at which the cost is lowest; the others
     /// follow.
     pub(crate) fn sharpen(&mut self, objective: &Objective) {
-        for parameter in self.stairs(objective) {
+        let is_stair = |k: &usize| objective.parameters()[*k].law == Parametrisation::Stair;
+        for parameter in self.searched(objective).filter(is_stair) {
             for share in AROUND {
                 let tried = self.around(objective, parameter, share);
                 let least = tried.iter().map(|fit| fit.cost).fold(f64::INFINITY, f64::min);
@@ -54,7 +56,7 @@ impl FitPoint {
 
     /// Searches each such parameter in the error that is left without its effect.
     pub(crate) fn search_stairs(&mut self, objective: &Objective) {
-        for parameter in self.stairs(objective) {
+        for parameter in self.searched(objective) {
             let with = |from: &FitPoint, value: f64| {
                 let mut u = from.u.clone();
                 u[parameter] = objective.parameters()[parameter].clamp(value);

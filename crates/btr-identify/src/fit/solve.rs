@@ -3,7 +3,7 @@
 
 use super::objective::{LogSet, Objective, blocks};
 use super::residual_vector::{ResidualVector, chi, corrected, squares};
-use crate::residual_model::{FitParameter, Parametrisation};
+use crate::residual_model::FitParameter;
 use btr_core::optimize::QuadraticModel;
 use btr_core::world::WorldError;
 use nalgebra::{DMatrix, DVector};
@@ -244,7 +244,7 @@ impl FitPoint {
     /// step would carry it over its bound; the gradient alone does not show that where parameters are correlated.
     fn direction(&self, parameters: &[FitParameter], normal: &QuadraticModel, damping: f64) -> Option<DVector<f64>> {
         // No derivative leads down a stair.
-        let is_stair = |k: &usize| parameters[*k].law == Parametrisation::Stair;
+        let is_stair = |k: &usize| parameters[*k].is_searched();
         let mut held: Vec<Option<f64>> = self.active.iter().map(|k| is_stair(k).then_some(0.0)).collect();
         loop {
             let step = normal.step(damping, &held)?;
@@ -293,6 +293,7 @@ pub fn cost(parameters: &[FitParameter], active: &[usize], u: &[f64], residual: 
 mod tests {
     use super::*;
     use crate::fixture::parameter;
+    use crate::residual_model::Parametrisation;
 
     #[test]
     fn a_bound_holds_only_the_parameter_that_the_step_would_carry_over_it() {

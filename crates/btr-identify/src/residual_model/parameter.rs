@@ -18,6 +18,8 @@ pub enum Parametrisation {
     /// a stair in it, and small changes say nothing. It is searched in the error
     /// ([`ResidualModel::sizes`](super::ResidualModel::sizes)), not along derivatives.
     Stair,
+    /// One of two values, origin and origin + size: the latter from u = 1/2 on. Searched like a stair.
+    Switch,
 }
 
 /// A parameter that may be varied.
@@ -51,6 +53,7 @@ impl FitParameter {
     pub fn value(&self, u: f64) -> f64 {
         match self.law {
             Parametrisation::Linear | Parametrisation::Stair => self.origin + self.size * u,
+            Parametrisation::Switch => self.origin + if u < 0.5 { 0.0 } else { self.size },
             Parametrisation::Exponential => self.origin * (self.size * u).exp(),
             Parametrisation::Inverse | Parametrisation::Compliance => self.size / u,
         }
@@ -59,7 +62,9 @@ impl FitParameter {
     /// The coordinate of a value.
     pub fn coordinate(&self, value: f64) -> f64 {
         match self.law {
-            Parametrisation::Linear | Parametrisation::Stair => (value - self.origin) / self.size,
+            Parametrisation::Linear | Parametrisation::Stair | Parametrisation::Switch => {
+                (value - self.origin) / self.size
+            }
             Parametrisation::Exponential => (value / self.origin).ln() / self.size,
             Parametrisation::Inverse | Parametrisation::Compliance => self.size / value,
         }
@@ -68,10 +73,15 @@ impl FitParameter {
     /// d value / d u.
     pub fn slope(&self, u: f64) -> f64 {
         match self.law {
-            Parametrisation::Linear | Parametrisation::Stair => self.size,
+            Parametrisation::Linear | Parametrisation::Stair | Parametrisation::Switch => self.size,
             Parametrisation::Exponential => self.size * self.value(u),
             Parametrisation::Inverse | Parametrisation::Compliance => -self.size / (u * u),
         }
+    }
+
+    /// Whether no derivative leads to its value: it is searched in the error.
+    pub fn is_searched(&self) -> bool {
+        matches!(self.law, Parametrisation::Stair | Parametrisation::Switch)
     }
 
     /// Standard deviation of its prior, as a coordinate.

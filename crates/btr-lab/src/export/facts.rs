@@ -171,6 +171,14 @@ pub(super) fn moved_joints<'a>(outline: &'a Outline, original: &'a Robot) -> imp
     moved.map(|joint| format!("{}: where the joint is, or its axis", joint.name))
 }
 
+/// The first joint that counts the other way round than the robot's file says.
+pub(super) fn reversed_joint<'a>(outline: &'a Outline, original: &Robot) -> Option<&'a str> {
+    let is_reversed = |joint: &&Joint| {
+        original.links.iter().any(|link| link.joint.name == joint.name && link.joint.axis.dot(&joint.axis) < 0.0)
+    };
+    outline.robot.movable().map(|(_, link)| &link.joint).find(is_reversed).map(|joint| joint.name.as_str())
+}
+
 /// What the model says of motors and no format carries, a line each.
 pub(super) fn motors(outline: &Outline) -> Vec<String> {
     let of_joint = |joint: &Joint| {

@@ -103,6 +103,9 @@ pub fn export(
     let parsed = source.parse()?;
     let model = model(source)?;
     let outline = model.outline().map_err(|error| Failure::simulation(&error, &[]))?;
+    if let Some(joint) = facts::reversed_joint(&outline, &model.robot) {
+        return Err(reversed(source, joint));
+    }
     let is_urdf = format.name == "urdf";
     let own = || parsed.robot.urdf.as_ref().filter(|_| is_urdf).map(|urdf| source.folder().join(urdf));
     let path = if format.changes_a_file { file.or_else(own) } else { None };
@@ -128,6 +131,19 @@ pub fn export(
     exported.left.extend(facts::moved_joints(&outline, &model.robot));
     exported.left.extend(facts::motors(&outline));
     Ok(exported)
+}
+
+/// No file can say that one of its joints counts the other way round.
+fn reversed(source: &Source, joint: &str) -> Failure {
+    let help =
+        format!("turn the axis of {joint} round in the robot's file and remove `direction@{joint}` from the model");
+    Failure::from(FileError {
+        path: source.path.clone(),
+        line: 0,
+        column: 0,
+        message: format!("in the model, {joint} counts the other way round than in the robot's file").into(),
+        help: Some(help.into()),
+    })
 }
 
 /// The robot at draws from a posterior, for a format with ranges.

@@ -5,7 +5,6 @@ mod assemble;
 mod bare;
 mod candidates;
 mod catalogue;
-mod command_sizes;
 mod contact;
 mod glitches;
 mod input;
@@ -15,6 +14,7 @@ mod problem;
 mod problem_error;
 mod regressor;
 mod residuals;
+mod searched;
 mod simulated;
 mod start;
 

@@ -41,6 +41,7 @@ impl ValueBounds {
             "length" => ValueBounds::Relative([0.7, 1.5]),
             "origin_x" | "origin_y" | "origin_z" => ValueBounds::Absolute([-0.1, 0.1]),
             "tilt_x" | "tilt_y" | "tilt_z" => ValueBounds::Absolute([-0.5, 0.5]),
+            "direction" => ValueBounds::Absolute([-1.0, 1.0]),
             _ => ValueBounds::Relative([0.125, 8.0]),
         }
     }

@@ -1,5 +1,5 @@
-//! Parameters by name: `mass@LINK`, `length@LINK`, `inertia@LINK`, `origin_x@JOINT`, `tilt_x@JOINT`, `damping@JOINT`,
-//! `friction@JOINT`, `kp@JOINT`, `ground_friction`, `EFFECT.PARAM@SITE` (with a user's law as well:
+//! Parameters by name: `mass@LINK`, `length@LINK`, `inertia@LINK`, `origin_x@JOINT`, `tilt_x@JOINT`, `direction@JOINT`,
+//! `damping@JOINT`, `friction@JOINT`, `kp@JOINT`, `ground_friction`, `EFFECT.PARAM@SITE` (with a user's law as well:
 //! `formula.PARAM@SITE`, the site as its effect has it).
 //!
 //! A site may be a comma-separated list and contain `*`; one value then holds for all matches. The value of an effect
@@ -76,7 +76,7 @@ impl Target {
     pub fn unit(&self) -> &'static str {
         match self.quantity {
             Quantity::Mass => "kg",
-            Quantity::Length | Quantity::Inertia | Quantity::GroundFriction => "1",
+            Quantity::Length | Quantity::Inertia | Quantity::Direction | Quantity::GroundFriction => "1",
             Quantity::Origin(_) => "m",
             Quantity::Tilt(_) => "rad",
             Quantity::Damping => "N·m·s/rad",
@@ -91,7 +91,7 @@ impl Target {
     /// off.
     pub fn nominal(&self, robot: &Robot, placed: &[PlacedEffect], setup: &Setup) -> Option<f64> {
         match self.quantity {
-            Quantity::Length | Quantity::Inertia => Some(1.0),
+            Quantity::Length | Quantity::Inertia | Quantity::Direction => Some(1.0),
             Quantity::Origin(_) | Quantity::Tilt(_) => Some(0.0),
             Quantity::Damping => common(self.links.iter().map(|&link| robot.links[link].joint.damping)),
             Quantity::DryFriction => common(self.links.iter().map(|&link| robot.links[link].joint.dry_friction)),
@@ -137,6 +137,8 @@ impl Target {
                 let rotation = UnitQuaternion::from_scaled_axis(Vector3::ith(axis, value));
                 self.links.iter().for_each(|&link| robot.links[link].joint.origin.rotation *= rotation);
             }
+            Quantity::Direction if value < 0.0 => self.links.iter().for_each(|&link| robot.reverse(link)),
+            Quantity::Direction => {}
             Quantity::Damping => self.links.iter().for_each(|&link| robot.links[link].joint.damping = value),
             Quantity::DryFriction => self.links.iter().for_each(|&link| robot.links[link].joint.dry_friction = value),
             Quantity::Motor(motor) => {

@@ -248,6 +248,20 @@ impl Robot {
         self.movable().enumerate().filter_map(follower).collect()
     }
 
+    /// Lets the joint that carries a link count the other way round; its pose at zero stays.
+    pub fn reverse(&mut self, link: usize) {
+        let joint = &mut self.links[link].joint;
+        joint.axis = -joint.axis;
+        joint.limits = (-joint.limits.1, -joint.limits.0);
+        joint.start = -joint.start;
+        let name = joint.name.clone();
+        if let Some(mimic) = &mut joint.mimic {
+            (mimic.ratio, mimic.offset) = (-mimic.ratio, -mimic.offset);
+        }
+        let followers = self.links.iter_mut().filter_map(|link| link.joint.mimic.as_mut());
+        followers.filter(|mimic| mimic.leader == name).for_each(|mimic| mimic.ratio = -mimic.ratio);
+    }
+
     /// Sets the start positions of followers from those of their leaders.
     pub(crate) fn settle_followers(&mut self) {
         let movable: Vec<usize> = self.movable().map(|(link, _)| link).collect();

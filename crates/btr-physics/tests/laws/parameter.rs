@@ -5,7 +5,8 @@ use btr_physics::model::parameter::{ParameterError, Target, apply};
 use btr_physics::presets::ant;
 use btr_physics::presets::ant::UNCERTAIN_LENGTHS;
 use btr_physics::presets::nao::{UNCERTAIN_MASSES, nao};
-use btr_physics::robot::{Actuator, Geometry};
+use btr_physics::robot::urdf::parse_urdf;
+use btr_physics::robot::{Actuator, Base, Geometry, Robot};
 use btr_physics::setup::Setup;
 
 fn set(name: &str, value: f64, robot: &mut btr_physics::robot::Robot) -> (Vec<PlacedEffect>, Setup) {
@@ -114,6 +115,34 @@ fn joints_are_displaced_and_tilted_in_their_own_axes() {
     assert!((turned.scaled_axis() - nalgebra::Vector3::new(0.1, 0.0, 0.0)).norm() < 1e-12);
     assert!((after.inertia_kg_m2 - before.inertia_kg_m2 * 2.0).norm() < 1e-15);
     assert_eq!(after.mass_kg.to_bits(), before.mass_kg.to_bits());
+}
+
+#[test]
+fn a_joint_that_is_reversed_moves_the_other_way_with_its_stops_and_followers() {
+    let text = r#"<robot name="grip"><link name="palm"/>{LINK a}{LINK b}
+        <joint name="lead" type="revolute"><parent link="palm"/><child link="a"/><axis xyz="0 1 0"/>
+        <limit lower="-0.2" upper="0.7" effort="1" velocity="1"/></joint>
+        <joint name="other" type="revolute"><parent link="palm"/><child link="b"/><axis xyz="0 1 0"/>
+        <mimic joint="lead" multiplier="2" offset="0.1"/><limit lower="-1" upper="2" effort="1" velocity="1"/></joint></robot>"#;
+    let inertial =
+        r#"<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>"#;
+    let link = |text: &str, name: &str| {
+        text.replace(&format!("{{LINK {name}}}"), &format!("<link name=\"{name}\">{inertial}</link>"))
+    };
+    let nominal = parse_urdf(&link(&link(text, "a"), "b"), Base::Fixed).unwrap().0;
+    let with = |name: &str, value: f64| {
+        let mut robot = nominal.clone();
+        set(name, value, &mut robot);
+        robot
+    };
+    assert_eq!(with("direction@lead", 1.0), nominal);
+    let (lead, follower) = (nominal.link("a").unwrap(), nominal.link("b").unwrap());
+    let robot = with("direction@lead", -1.0);
+    let joint = &robot.links[lead].joint;
+    assert_eq!((joint.axis, joint.limits), (-nominal.links[lead].joint.axis, (-0.7, 0.2)));
+    let ratio = |robot: &Robot| robot.links[follower].joint.mimic.as_ref().map(|mimic| (mimic.ratio, mimic.offset));
+    assert_eq!(ratio(&robot), Some((-2.0, 0.1)));
+    assert_eq!(ratio(&with("direction@other", -1.0)), Some((-2.0, -0.1)));
 }
 
 #[test]

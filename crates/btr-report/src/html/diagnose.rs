@@ -7,7 +7,8 @@ use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
 use crate::text::{
-    CORRECTED, ESTIMATES, corrected, estimate, evidence, findings, fit_command, integrator, stand_in, what_remains,
+    CORRECTED, ESTIMATES, corrected, estimate, evidence, findings, fit_command, integrator, remedy, stand_in,
+    what_remains,
 };
 use btr_core::log::Log;
 use btr_identify::LadderStep;
@@ -164,6 +165,7 @@ fn what_is_wrong(value: &ValueReport, found: &DiagnoseReport) -> Section {
         rows: value.parameters.iter().map(corrected).collect(),
     };
     let mut blocks = vec![Block::Text(support(&value.support)), parameters];
+    blocks.extend(value.parameters.iter().filter_map(remedy).map(|remedy| Block::Text(format!("{remedy}."))));
     blocks.extend(withheld(value.parameters.iter().map(|value| &value.estimate), found));
     Section { title: format!("{} of {}", value.value, value.site), blocks }
 }

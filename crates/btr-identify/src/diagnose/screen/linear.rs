@@ -193,7 +193,7 @@ impl<'a> BasePoint<'a> {
             (false, false) => sizes.amplitudes,
         };
         let sized = |amplitude: usize, size: f64| match is(amplitude, Parametrisation::Inverse) {
-            _ if is(amplitude, Parametrisation::Stair) => limit(amplitude),
+            _ if objective.parameters()[amplitude].is_searched() => limit(amplitude),
             true => limit(amplitude).map(|unit| unit * size).filter(|size| *size < WITHIN.1),
             false => Some(size),
         };
@@ -300,7 +300,7 @@ impl<'a> BasePoint<'a> {
             let parameter = &parameters[probe.amplitude];
             let reach = STRETCH * probe.size.abs();
             let size = match parameter.law {
-                Parametrisation::Inverse | Parametrisation::Stair => probe.size,
+                Parametrisation::Inverse | Parametrisation::Stair | Parametrisation::Switch => probe.size,
                 // A soft joint rings at another frequency than a stiffer one: only near the probe is it linear.
                 Parametrisation::Compliance => optimum[i].clamp(probe.size / NEAR, probe.size * NEAR),
                 Parametrisation::Linear | Parametrisation::Exponential => optimum[i].clamp(-reach, reach),

@@ -33,7 +33,7 @@ const FINE: ProbeSizes = ProbeSizes {
 const FAR: ProbeSizes = ProbeSizes { amplitudes: &[6.0, 24.0], limits: &[], compliances: &[] };
 /// How many orders of ripples are tried that the error shows.
 const ORDERS: usize = 4;
-/// How many sizes are probed that are searched in the error.
+/// How many sizes of an effect are probed that are searched in the error.
 const SEARCHED: usize = 4;
 /// How many candidates pass the first pass, and how many of those that show in one joint's channel alone.
 const COARSE_PASS: (usize, usize) = (16, 6);
@@ -85,7 +85,8 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
         base.map_or_else(Vec::new, |base| base.predicted_together(objective, &offered, &COARSE, &reached))
     };
     let coarse = best_of_joints(objective, bases.iter().enumerate().flat_map(probe_coarsely).collect(), COARSE_PASS);
-    let found = bases.first().map_or_else(Vec::new, |base| found_in_error(objective, base, &searched));
+    let in_error = |(index, base): (usize, &FitPoint)| found_in_error(objective, index, base, &searched);
+    let found: Vec<StartPoint> = bases.iter().enumerate().flat_map(in_error).collect();
     // Each candidate is probed from the first base, and from the one with its best prediction.
     let probe_finely = |(index, base): (usize, &FitPoint)| {
         let Some(point) = BasePoint::new(objective, index, base, objective.logs(LogSet::Learn).to_vec()) else {
@@ -106,7 +107,7 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
 }
 
 /// The sizes of candidates that the error shows, those first that may explain most of it.
-fn found_in_error(objective: &Objective, base: &FitPoint, searched: &[usize]) -> Vec<StartPoint> {
+fn found_in_error(objective: &Objective, index: usize, base: &FitPoint, searched: &[usize]) -> Vec<StartPoint> {
     let residuals = base.by_log(objective);
     let sizes = |&candidate: &usize| {
         let sizes =
@@ -118,9 +119,16 @@ fn found_in_error(objective: &Objective, base: &FitPoint, searched: &[usize]) ->
     let start = |(candidate, size, _): (usize, f64, f64)| {
         let mut u = base.u.clone();
         objective.candidates()[candidate].amplitudes.iter().for_each(|&k| u[k] = objective.parameters()[k].clamp(size));
-        StartPoint { candidate, base: 0, u, cost: f64::INFINITY }
+        StartPoint { candidate, base: index, u, cost: f64::INFINITY }
     };
-    found.into_iter().take(SEARCHED).map(start).collect()
+    let kind = |(candidate, ..): &(usize, f64, f64)| &*objective.candidates()[*candidate].effect;
+    let mut kept: Vec<(usize, f64, f64)> = Vec::new();
+    for one in found {
+        if kept.iter().filter(|other| kind(other) == kind(&one)).count() < SEARCHED {
+            kept.push(one);
+        }
+    }
+    kept.into_iter().map(start).collect()
 }
 
 /// The starts of a candidate; for ripples, also with the orders that the error in a log shows.

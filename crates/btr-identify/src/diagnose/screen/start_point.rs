@@ -1,7 +1,7 @@
 //! Probe sizes, and the start points that probes predict.
 
 use crate::fit::{FitPoint, Objective};
-use crate::residual_model::{EffectCandidate, Parametrisation};
+use crate::residual_model::EffectCandidate;
 
 /// Sizes of probes.
 pub(super) struct ProbeSizes {
@@ -51,7 +51,7 @@ pub(crate) fn has_two_sides(objective: &Objective, candidate: &EffectCandidate) 
 /// Whether a candidate's size is searched in the error: no probe says anything about it.
 pub(crate) fn is_searched(objective: &Objective, candidate: usize) -> bool {
     let mut amplitudes = objective.candidates()[candidate].amplitudes.iter();
-    amplitudes.any(|&k| objective.parameters()[k].law == Parametrisation::Stair)
+    amplitudes.any(|&k| objective.parameters()[k].is_searched())
 }
 
 /// The base's free parameters and a candidate's, which may be among them.

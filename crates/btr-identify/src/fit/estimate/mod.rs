@@ -82,6 +82,7 @@ pub fn estimates(
         let deviation = deviation.map(|d| by_step.as_ref().map_or(d, |by_step| d.hypot(by_step[k])));
         let ends = |d: f64| [-1.0, 1.0].map(|side| parameter.value(parameter.along(u, side * NINETY_FIVE * d)));
         let ci95 = match (parameter.law, deviation) {
+            (Parametrisation::Switch, _) => None,
             (Parametrisation::Stair, Some(_)) => {
                 fit.step_of_stair(objective, index, inflation).map(|ends| ends.map(|u| parameter.value(u)))
             }

@@ -117,7 +117,7 @@ impl Marginal {
     /// `u` and `sd` are in the parameter's coordinate of the fit.
     fn of(parameter: &FitParameter, u: f64, sd: f64) -> Self {
         let coordinate = match parameter.law {
-            Parametrisation::Linear | Parametrisation::Stair => Coordinate::Linear,
+            Parametrisation::Linear | Parametrisation::Stair | Parametrisation::Switch => Coordinate::Linear,
             Parametrisation::Exponential => Coordinate::Log,
             Parametrisation::Inverse | Parametrisation::Compliance => Coordinate::Inverse,
         };

@@ -6,6 +6,8 @@ use btr_identify::residual_model::{FitParameter, Parametrisation};
 use btr_physics::effects::Param;
 use btr_physics::setup::Setup;
 
+/// What the value of a joint's direction is called, before `@JOINT`.
+pub(in crate::identification) const DIRECTION: &str = "direction";
 /// Spread of the weak prior of an effect's amplitude, in typical sizes.
 pub(super) const WEAK: f64 = 33.0;
 /// Spread of the prior of a shape, in factors of two.
@@ -19,6 +21,9 @@ const STAIR_REACH: f64 = 1e-3;
 /// deviation that earlier logs leave, in its unit.
 pub(in crate::identification) fn free_parameter(dim: &Dim, sd: Option<f64>, scales: &RobotScales) -> FitParameter {
     let nominal = dim.nominal.unwrap_or_else(|| dim.from_unit(0.5));
+    if dim.name.split('@').next() == Some(DIRECTION) {
+        return FitParameter { amplitude: false, ..direction(dim.name.clone(), nominal.signum()) };
+    }
     let named = dim.name.split_once('.').and_then(|(name, rest)| Some((btr_physics::effects::find(name)?, rest)));
     let effect = named.and_then(|(effect, rest)| {
         let (param, site) = rest.split_once('@').unwrap_or((rest, "*"));
@@ -115,6 +120,23 @@ pub(in crate::identification) fn parameter(
     let unit = param.unit.to_owned();
     let (known, reach, amplitude) = (None, REACH.1, !param.shape);
     FitParameter { name, unit, origin, size, law, bounds, spread, known, reach, amplitude }
+}
+
+/// Which way a joint counts: as in the model, or the other way round.
+pub(in crate::identification) fn direction(name: String, origin: f64) -> FitParameter {
+    FitParameter {
+        name,
+        unit: "1".to_owned(),
+        origin,
+        size: -2.0 * origin,
+        law: Parametrisation::Switch,
+        // Beyond both: it is at no bound.
+        bounds: (-0.5, 1.5),
+        spread: WEAK,
+        known: None,
+        reach: STAIR_REACH,
+        amplitude: true,
+    }
 }
 
 fn same(a: f64, b: f64) -> bool {

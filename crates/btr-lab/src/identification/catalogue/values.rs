@@ -1,7 +1,7 @@
 //! Values that the model states and that may be wrong: those of its effects, masses, inertias, gains, friction and
 //! geometry. Free parameters are not among them.
 
-use super::parameters::WEAK;
+use super::parameters::{DIRECTION, WEAK, direction};
 use crate::scales::RobotScales;
 use btr_identify::residual_model::{FitParameter, Parametrisation};
 use btr_physics::effects::{Effect, FORMULA, Param, PlacedEffect, SiteKind};
@@ -77,7 +77,7 @@ impl<'a> Catalogue<'a> {
 
     /// The values of motors, links and joints.
     pub(in crate::identification) fn parts(&self) -> Vec<StatedValue> {
-        let of = |link| [self.of_motor(link), self.of_link(link), self.of_geometry(link)];
+        let of = |link| [self.of_motor(link), self.of_link(link), self.of_geometry(link), self.of_direction(link)];
         self.moving().flat_map(of).flatten().collect()
     }
 
@@ -175,6 +175,17 @@ impl<'a> Catalogue<'a> {
         let displaced = of("origin", displaced.collect(), (DISPLACED.0 * length, DISPLACED.1 * length));
         let tilted = of("tilt", tilted.map(|(_, name)| name).collect(), TILTED);
         displaced.into_iter().chain(tilted).collect()
+    }
+
+    /// Which way a joint counts.
+    fn of_direction(&self, link: &Link) -> Vec<StatedValue> {
+        let site = link.joint.name.clone();
+        let target = self.target(&format!("{DIRECTION}@{site}")).filter(|_| !self.frees(DIRECTION, &site));
+        let of = |target: Target| {
+            let parameters = vec![direction(target.name().to_owned(), 1.0)];
+            StatedValue { name: DIRECTION.to_owned(), site, targets: vec![target], parameters }
+        };
+        target.map(of).into_iter().collect()
     }
 
     /// A positive value that may be wrong by a factor.

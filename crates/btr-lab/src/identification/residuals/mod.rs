@@ -78,7 +78,7 @@ impl ResidualModel for IdentificationProblem {
     }
 
     fn sizes(&self, parameter: usize, residuals: &[(usize, &[f64])]) -> Vec<(f64, f64)> {
-        self.command_sizes(parameter, residuals)
+        self.searched_sizes(parameter, residuals)
     }
 
     fn derive(&self, derivation: &Derivation) -> Option<Box<dyn ResidualModel>> {

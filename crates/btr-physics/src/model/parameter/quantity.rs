@@ -18,6 +18,8 @@ pub(super) enum Quantity {
     Origin(usize),
     /// Rotation of the joint's frame about one of its own axes.
     Tilt(usize),
+    /// Which way a joint counts: below 0, the other way round than the robot's file says.
+    Direction,
     /// Friction as the robot's file states it.
     Damping,
     DryFriction,
@@ -42,7 +44,7 @@ pub(super) enum MotorValue {
 }
 
 /// Names of all quantities but the parameters of effects.
-const QUANTITIES: [(&str, Quantity); 20] = [
+const QUANTITIES: [(&str, Quantity); 21] = [
     ("mass", Quantity::Mass),
     ("length", Quantity::Length),
     ("inertia", Quantity::Inertia),
@@ -52,6 +54,7 @@ const QUANTITIES: [(&str, Quantity); 20] = [
     ("tilt_x", Quantity::Tilt(0)),
     ("tilt_y", Quantity::Tilt(1)),
     ("tilt_z", Quantity::Tilt(2)),
+    ("direction", Quantity::Direction),
     ("damping", Quantity::Damping),
     ("friction", Quantity::DryFriction),
     ("kp", Quantity::Motor(MotorValue::Kp)),
@@ -101,6 +104,7 @@ impl Quantity {
             | Quantity::Formula
             | Quantity::Origin(_)
             | Quantity::Tilt(_)
+            | Quantity::Direction
             | Quantity::Damping
             | Quantity::DryFriction => true,
             Quantity::Mass | Quantity::Length | Quantity::Inertia => false,

@@ -1,7 +1,7 @@
 //! Sizes of effects on commands that the error shows: what such an effect makes of a log's commands is known without a
 //! simulation.
 
-use super::problem::IdentificationProblem;
+use crate::identification::problem::IdentificationProblem;
 use btr_core::signal::size::{ErrorOfCommand, sizes};
 use btr_core::signal::stats::mean;
 use btr_identify::fit::NOISE;
