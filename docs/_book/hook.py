@@ -1,0 +1,62 @@
+"""MkDocs hook: pages that are generated when the book is built, and the attributes of code blocks.
+
+Needs the installed package `btr`, as the reference is made of what it says about itself."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path += [str(ROOT / "tests" / "python"), str(ROOT / "docs" / "_book")]
+# What is said in an info string for the tests of the book alone.
+FOR_TESTS = re.compile(r"^( *```\w+)(.*)$", re.M)
+TITLE = re.compile(r' title="[^"]*"')
+# Files of the root that are pages of the book.
+OF_ROOT = {name: f"development/{name.lower()}" for name in ("CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md")}
+OF_ROOT["ARCHITECTURE.md"] = "development/architecture.md"
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Adds what is generated."""
+    from mkdocs.structure.files import File
+
+    import cli
+    import effects
+    import schema
+
+    pages: dict[str, str | bytes] = {}
+    for name, page in OF_ROOT.items():
+        pages[page] = _from_root((ROOT / name).read_text(encoding="utf-8"))
+    pages["reference/model-file.md"] = schema.page(ROOT / "btr.schema.json")
+    pages["reference/cli.md"] = cli.page()
+    pages |= effects.pages(ROOT / "robots")
+    pages |= _api()
+    for path, content in sorted(pages.items()):
+        files.append(File.generated(config, path, content=content))
+    return files
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Leaves a block its language and its title."""
+    return FOR_TESTS.sub(lambda found: found[1] + "".join(TITLE.findall(found[2])), markdown)
+
+
+def _from_root(text: str) -> str:
+    """A file of the root, with its links as seen from the folder of its page."""
+    return re.sub(r"\]\(docs/", "](../", text)
+
+
+def _api() -> dict[str, str | bytes]:
+    """The API reference of the package."""
+    import api
+
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        api.build(folder)
+        found = (path for path in folder.rglob("*") if path.suffix in {".html", ".js"} and path.name != "index.html")
+        return {f"api/{os.fspath(path.relative_to(folder))}": path.read_bytes() for path in found}
