@@ -11,8 +11,18 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from mkdocs.structure.files import File
+
 ROOT = Path(__file__).resolve().parents[2]
+# MkDocs restores the path once this file is imported.
 sys.path += [str(ROOT / "tests" / "python"), str(ROOT / "docs" / "_book")]
+
+import api
+import cli
+import documents
+import effects
+import schema
+
 # What is said in an info string for the tests of the book alone.
 FOR_TESTS = re.compile(r"^( *```\w+)(.*)$", re.M)
 TITLE = re.compile(r' title="[^"]*"')
@@ -23,17 +33,12 @@ OF_ROOT["ARCHITECTURE.md"] = "development/architecture.md"
 
 def on_files(files: Any, config: Any) -> Any:
     """Adds what is generated."""
-    from mkdocs.structure.files import File
-
-    import cli
-    import effects
-    import schema
-
     pages: dict[str, str | bytes] = {}
     for name, page in OF_ROOT.items():
         pages[page] = _from_root((ROOT / name).read_text(encoding="utf-8"))
     pages["reference/model-file.md"] = schema.page(ROOT / "btr.schema.json")
     pages["reference/cli.md"] = cli.page()
+    pages["reference/json.md"] = documents.page()
     pages |= effects.pages(ROOT / "robots")
     pages |= _api()
     for path, content in sorted(pages.items()):
@@ -47,14 +52,13 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 
 def _from_root(text: str) -> str:
-    """A file of the root, with its links as seen from the folder of its page."""
-    return re.sub(r"\]\(docs/", "](../", text)
+    """A file of the root, with its links as seen from the folder of its page, and an empty line before each list."""
+    text = re.sub(r"\]\(docs/", "](../", text)
+    return re.sub(r"^((?!- |\d+\. |  |#).+\n)(?=- |1\. )", r"\1\n", text, flags=re.M)
 
 
 def _api() -> dict[str, str | bytes]:
     """The API reference of the package."""
-    import api
-
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         api.build(folder)
