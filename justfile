@@ -8,6 +8,10 @@ test:
 api:
     target/venv/bin/python tests/python/api.py target/api
 
+# The book, in target/docs.
+docs:
+    target/venv/bin/mkdocs build
+
 # The main job.
 nao:
     cargo run --release -- coevolve robots/nao.toml

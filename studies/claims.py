@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Measures again the numbers that README.md and docs/ claim.
+"""Measures again the numbers that the book (docs/) claims.
 
     cargo build --release && python3 studies/claims.py [--all] [--out runs/claims]
 
@@ -110,22 +110,23 @@ LADDER = (
     ("+ coulomb_friction@yaw                  1.021    0.9951", 1.021, 0.9951, 0.0005, 0.00005),
 )
 TRAPS = "python3 studies/phi_2_traps.py WALK.csv"
+ANTS = "btr coevolve robots/ant.toml, seeds 1 to 10"
 SIDE = "python3 studies/paper_side_by_side.py"
 
 CLAIMS = [
     claim
     for step, (text, train, held_out, near, nearer) in enumerate(LADDER)
     for claim in (
-        Claim("README.md", text, DIAGNOSE, train, ladder(step, "train"), near),
-        Claim("README.md", text, DIAGNOSE, held_out, ladder(step, "held_out"), nearer),
+        Claim("docs/tutorial.md", text, DIAGNOSE, train, ladder(step, "train"), near),
+        Claim("docs/tutorial.md", text, DIAGNOSE, held_out, ladder(step, "held_out"), nearer),
     )
 ] + [
-    Claim("README.md", "12 real tests instead of 156", "btr coevolve robots/ant-series.toml", 12,
-          lambda study: study.run("ant-series")["real_tests"], 0),
-    Claim("README.md", "12 real tests instead of 156", "btr coevolve robots/ant.toml", 156,
-          lambda study: study.run("ant")["real_tests"], 0),
-    Claim("README.md", "real tests determine eight masses to 1 or 2 %", "btr coevolve robots/nao.toml", 1.0,
-          lambda study: worst_error(study.run("nao")), 1.0),
+    Claim("docs/reference/experiments.md", "12 real tests instead of 156", "btr coevolve robots/ant-series.toml",
+          12, lambda study: study.run("ant-series")["real_tests"], 0),
+    Claim("docs/reference/experiments.md", "12 real tests instead of 156", "btr coevolve robots/ant.toml",
+          156, lambda study: study.run("ant")["real_tests"], 0),
+    Claim("docs/howto/coevolve.md", "real tests determine eight masses to 1 or 2 %", "btr coevolve robots/nao.toml",
+          1.0, lambda study: worst_error(study.run("nao")), 1.0),
     Claim("docs/paper.md", "N = 4024", "btr simulate robots/nao-paper.toml -o WALK.csv", 4024,
           lambda study: (study.walk, study.samples)[1], 0),
     Claim("docs/paper.md", "| uniform white noise | 7.9 |", TRAPS, 7.9, trap("uniform white noise", 0), 0.05),
@@ -135,9 +136,9 @@ CLAIMS = [
     Claim("docs/paper.md", "| left knee of the walk | 6.2 | 1.6 |", TRAPS, 1.6, trap("walk, q_LKneePitch", 1), 0.05),
     Claim("robots/nao.toml", "Takes less than half a minute on two cores", "btr coevolve robots/nao.toml", 15,
           lambda study: study.took_s("nao"), 15),
-    Claim("docs/scenarios.md", "lengths within 2 % after 24 to 60 tests", "btr coevolve robots/ant.toml, seeds 1 to 10",
+    Claim("docs/howto/index.md", "lengths within 2 % after 24 to 60 real tests", ANTS,
           24, lambda study: min(study.tests_to_two_percent("ant")), 0, slow=True),
-    Claim("docs/scenarios.md", "lengths within 2 % after 24 to 60 tests", "btr coevolve robots/ant.toml, seeds 1 to 10",
+    Claim("docs/howto/index.md", "lengths within 2 % after 24 to 60 real tests", ANTS,
           60, lambda study: max(study.tests_to_two_percent("ant")), 0, slow=True),
     Claim("docs/paper.md", "| | `ant.toml` | 0.10 % |", SIDE, 0.10,
           lambda study: quartiles(study.worst("ant"))[1], 0.005, slow=True),
@@ -146,10 +147,15 @@ CLAIMS = [
 ]  # fmt: skip
 
 BY_HAND = [
-    ByHand("README.md", "15 of 16", "hidden_effects --robot nao", "half an hour"),
-    ByHand("README.md", "takes 3.1 µs a step", "python3 benches/beside_mujoco.py", "MuJoCo and a quiet machine"),
-    ByHand("README.md", "7 ms from CSV", "python3 benches/python_load.py", "a quiet machine"),
-    ByHand("README.md", "0.18 rad, then 0.03", "python3 studies/xl330.py", "public logs"),
+    ByHand("docs/howto/walking.md", "15 of 16", "hidden_effects --robot nao", "half an hour"),
+    ByHand(
+        "docs/reference/studies.md",
+        "| the Nao's walk | 3.1 µs |",
+        "python3 benches/beside_mujoco.py",
+        "MuJoCo and a quiet machine",
+    ),
+    ByHand("docs/reference/studies.md", "7 ms from CSV", "python3 benches/python_load.py", "a quiet machine"),
+    ByHand("docs/reference/studies.md", "0.18 rad, then 0.04", "python3 studies/xl330.py", "public logs"),
     ByHand("docs/posterior.md", "386 of 400", "python3 studies/nao_seeds.py --seeds 50 --first 701", "half an hour"),
     ByHand(
         "docs/posterior.md",

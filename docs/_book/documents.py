@@ -67,11 +67,13 @@ def _above(node: ast.ClassDef) -> list[str]:
 def _keys(node: ast.ClassDef) -> Iterator[str]:
     for key, text in zip(node.body, [*node.body[1:], None]):
         if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name) and not key.target.id.startswith("_"):
-            about = text.value.value if _is_text(text) else ""
-            kind = re.sub(r"\b([A-Z]\w+)\b", r"@@\1@@", ast.unparse(key.annotation).replace("|", "or")).replace("[", "\\[")
-            about = " ".join(str(about).split()).replace("|", "\\|")
-            yield f"| `{key.target.id}` | {kind} | {about} |"
+            kind = ast.unparse(key.annotation).replace("|", "or").replace("[", "\\[")
+            kind = re.sub(r"\b([A-Z]\w+)\b", r"@@\1@@", kind)
+            yield f"| `{key.target.id}` | {kind} | {_said(text)} |"
 
 
-def _is_text(node: ast.stmt | None) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+def _said(node: ast.stmt | None) -> str:
+    """The text below a key."""
+    if not isinstance(node, ast.Expr) or not isinstance(node.value, ast.Constant):
+        return ""
+    return " ".join(str(node.value.value).split()).replace("|", "\\|")

@@ -17,15 +17,15 @@ SITES = {
 }
 BEGIN = """# Effects
 
-These are the physical effects that btr can add to a model, fit, and diagnose. Each has an *off* value, at which the model
-is unchanged. `btr effects` lists them, `btr effects NAME` describes one. In a model file, a known effect is a table
-`[[effects]]`; `effect.parameter@site` in `[parameters]` makes a value free ([how to add an effect](../howto/effects.md)).
-Parameters that only shape an effect do not switch it on.
+These are the physical effects that btr can add to a model, fit, and diagnose. Each has an *off* value, at which the
+model is unchanged. `btr effects` lists them, `btr effects NAME` describes one. In a model file, a known effect is a
+table `[[effects]]`; `effect.parameter@site` in `[parameters]` makes a value free
+([how to add an effect](../howto/effects.md)). Parameters that only shape an effect do not switch it on.
 
 The pictures are made by btr. A robot is simulated with and without the effect, at its typical values; what is drawn is
-the error of a model that lacks it, measured minus model. On the left is the error of each joint over time, on the right
-that of one joint over what it follows, or the channel itself. Where torques are drawn, the joints follow the same motion
-with and without the effect.
+the error of a model that lacks it, measured minus model. On the left is the error of each joint over time. On the right
+is that of one joint over what it follows, or the channel as measured and as simulated. Where torques are drawn, the
+joints follow the same motion with and without the effect.
 """
 
 

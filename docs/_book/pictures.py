@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import svg
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 import btr
 
@@ -174,7 +174,7 @@ def _both(name: str, unit: str, clock: Values, measured: Values, model: Values) 
 
 def _log(shown: Shown) -> btr.Log:
     commands = shown.motion()
-    channels = {f"cmd_{joint}": values for joint, values in commands.items()}
+    channels: dict[str, ArrayLike] = {f"cmd_{joint}": values for joint, values in commands.items()}
     if shown.prescribed:
         channels |= {f"q_{joint}": values for joint, values in commands.items()}
     return btr.Log(CLOCK, channels)
@@ -183,7 +183,8 @@ def _log(shown: Shown) -> btr.Log:
 def _effect(spec: btr.documents.EffectSpec, shown: Shown) -> str:
     values = {parameter.name: parameter.typical for parameter in spec.parameters} | dict(shown.values or {})
     site = [f'site = "{shown.site}"'] if shown.site else []
-    return "\n".join(["[[effects]]", f'effect = "{spec.effect}"', *site, *(f"{k} = {v}" for k, v in values.items()), ""])
+    stated = [f"{name} = {value}" for name, value in values.items()]
+    return "\n".join(["[[effects]]", f'effect = "{spec.effect}"', *site, *stated, ""])
 
 
 def _followed(shown: Shown, log: btr.Log, joint: str) -> tuple[str, Values]:

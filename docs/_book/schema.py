@@ -11,9 +11,10 @@ from typing import Any
 Schema = dict[str, Any]
 BEGIN = """# Model file
 
-A model file is TOML: a robot, its actuators, its free parameters, and what is known of its sensors and logs. An experiment
-is a model file with a controller, its fitness, a reality and the searches ([how to co-evolve](../howto/coevolve.md)).
-This page is made from the JSON schema, which `btr schema` prints. With it, editors complete such files:
+A model file is TOML: a robot, its actuators, its free parameters, and what is known of its sensors and logs. An
+experiment is a model file with a controller, its fitness, a reality and the searches
+([how to co-evolve](../howto/coevolve.md)). This page is made from the JSON schema, which `btr schema`
+prints. With it, editors complete such files:
 
 ```toml fragment
 #:schema btr.schema.json
@@ -96,7 +97,7 @@ def _type(value: Schema) -> str:
     if kind == "object":
         inner = value.get("additionalProperties")
         return f"table of {_type(inner)}" if isinstance(inner, dict) else "table"
-    return {"string": "text", "boolean": "`true` or `false`"}.get(kind, kind)
+    return {"string": "text", "boolean": "`true` or `false`"}.get(str(kind), str(kind))
 
 
 def _text(value: Schema) -> str:

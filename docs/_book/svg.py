@@ -121,7 +121,7 @@ def _curve(axes: _Axes, curve: Curve, colour: str, dots: bool) -> None:
 def _legend(axes: _Axes, curves: Sequence[Curve]) -> None:
     right = axes.right
     for curve in reversed(curves):
-        right -= 6 * len(curve.name) + 22
+        right -= 6.2 * len(curve.name) + 27
         colour = COLOURS[curve.colour]
         axes.parts.append(f'<path d="M{right:.1f} 14h12" stroke="{colour}" stroke-width="2.4"/>')
         axes.parts.append(f'<text x="{right + 16:.1f}" y="18">{escape(curve.name)}</text>')

@@ -33,12 +33,12 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 # Why a block is not run, and how many there may be.
 REASONS = {
-    "build": 4,  # builds or installs btr
-    "robot": 4,  # moves a robot
-    "yours": 22,  # needs files of the reader
+    "build": 2,  # builds or installs btr
+    "robot": 1,  # moves a robot
+    "yours": 1,  # needs files of the reader
     "cluster": 1,  # needs several machines
     "page": 1,  # serves a page until Ctrl-C
-    "long": 12,  # takes minutes, or is a study
+    "long": 5,  # takes minutes, or is a study
 }
 LANGUAGES = {"sh", "console", "python", "toml", "text", "xml"}
 FENCE = re.compile(r"^(?P<indent> *)```(?P<info>[^\n`]+)\n(?P<text>.*?)^(?P=indent)```$", re.M | re.S)

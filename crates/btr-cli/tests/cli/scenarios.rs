@@ -1,4 +1,4 @@
-//! What a demanding researcher tries on day one, as far as it takes seconds; docs/scenarios.md tells about all of it.
+//! What a demanding researcher tries on day one, as far as it takes seconds; docs/howto/index.md lists all of it.
 
 use crate::lab::{Lab, robots};
 use serde_json::Value;
