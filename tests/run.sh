@@ -69,6 +69,22 @@ fi
 install $python --force-reinstall --no-deps target/dist/btr-*.whl
 $python -m pytest --quiet -rs tests/python
 
+step "packages: crates, wheel, source distribution, workflows"
+# Without a build: the crates are built above. Crates that are not published yet are taken from the workspace.
+cargo package --quiet --workspace --exclude btr-py --exclude btr-tests --exclude btr-fuzz --locked --no-verify --allow-dirty
+rm -f target/dist/btr-*.tar.gz
+$python -m maturin sdist --manifest-path crates/btr-py/Cargo.toml --out target/dist
+$python -m twine check --strict target/dist/btr-*
+actionlint=$(command -v actionlint || echo target/tools/bin/actionlint)
+if [ ! -x "$actionlint" ] && command -v go >/dev/null; then
+    GOBIN="$PWD/target/tools/bin" go install github.com/rhysd/actionlint/cmd/actionlint@v1.7.12
+fi
+if [ -x "$actionlint" ]; then
+    "$actionlint" .github/workflows/*.yml
+else
+    echo "workflows were not checked: neither actionlint nor Go is there"
+fi
+
 # What needs no more than NumPy, on every Python that the wheel is for.
 tested=$($python -c 'import sys; print("%d.%d" % sys.version_info[:2])')
 for version in 3.10 3.11 3.12 3.13; do
