@@ -326,7 +326,7 @@ impl LogArgs {
 pub(crate) struct DiagnoseArgs {
     #[command(flatten)]
     pub(crate) logs_args: LogArgs,
-    /// Maximum number of effects to name; usually 3, or 3 per joint where the motion of all joints is prescribed
+    /// Maximum number of effects to name; usually 3, or 4 per joint where the motion of all joints is prescribed
     #[arg(long, value_name = "N")]
     pub(crate) max_effects: Option<usize>,
     /// Where to write the model as the diagnosis leaves it, whatever the verdict: with the effects that were found, at
