@@ -67,7 +67,7 @@ def _above(node: ast.ClassDef) -> list[str]:
 def _keys(node: ast.ClassDef) -> Iterator[str]:
     for key, text in zip(node.body, [*node.body[1:], None]):
         if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name) and not key.target.id.startswith("_"):
-            kind = ast.unparse(key.annotation).replace("|", "or").replace("[", "\\[")
+            kind = ast.unparse(key.annotation).replace("doc.", "").replace("|", "or").replace("[", "\\[")
             kind = re.sub(r"\b([A-Z]\w+)\b", r"@@\1@@", kind)
             yield f"| `{key.target.id}` | {kind} | {_said(text)} |"
 
