@@ -71,7 +71,7 @@ def blocks(page: Path) -> Iterator[Block]:
         attributes = {name: quoted or plain for name, quoted, plain in ATTRIBUTE.findall(rest)}
         line = text.count("\n", 0, found.start()) + 1
         indent = re.compile(f"^{found['indent']}", re.M)
-        place = f"{page.relative_to(DOCS)}:{line}"
+        place = f"{page.relative_to(ROOT)}:{line}"
         yield Block(place, language, attributes, indent.sub("", found["text"]))
 
 

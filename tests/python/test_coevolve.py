@@ -302,9 +302,9 @@ def test_ctrl_c_ends_a_diagnosis_within_a_round() -> None:
     assert steps == ["model as it stands", "its parameters fitted"]
 
 
-def test_the_readme_says_what_an_experiment_needs(tmp_path: Path) -> None:
-    readme = (ROBOTS.parent / "README.md").read_text()
-    block = next(block for block in re.findall(r"```toml\n(.*?)```", readme, re.DOTALL) if "[drive]" in block)
+def test_the_book_says_what_an_experiment_needs(tmp_path: Path) -> None:
+    page = (ROBOTS.parent / "docs" / "howto" / "coevolve.md").read_text()
+    block = next(block for block in re.findall(r"```toml[^\n]*\n(.*?)```", page, re.DOTALL) if "[drive]" in block)
     robot = 'name = "leg"\n[robot]\nbuiltin = "pendulum"\n[actuators."*"]\nkind = "position"\nkp = 10.0\nkd = 0.4\n'
     experiment = btr.Model(f'{robot}[parameters]\n"mass@bob" = {{ relative = [0.5, 1.5] }}\n{block}')
     reality = experiment.at({"mass@bob": 1.3})
