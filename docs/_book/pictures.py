@@ -169,7 +169,7 @@ def _of_quadruped(spec: btr.documents.EffectSpec, robots: Path) -> str:
 
 def _both(name: str, unit: str, clock: Values, measured: Values, model: Values) -> svg.Panel:
     curves = [svg.Curve("measured", clock, measured, 1), svg.Curve("model", clock, model, 3)]
-    return svg.Panel(name, "time (s)", unit, curves)
+    return svg.Panel("", "time (s)", f"{name}: {unit}", curves)
 
 
 def _log(shown: Shown) -> btr.Log:
