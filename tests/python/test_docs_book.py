@@ -65,6 +65,15 @@ def test_the_pages_of_the_package_and_the_command_are_there(book: Path) -> None:
     assert 'id="effectreport"' in (book / "reference" / "json.html").read_text(encoding="utf-8")
 
 
+def test_what_generates_the_book_is_typed_strictly(tmp_path: Path) -> None:
+    pytest.importorskip("mypy", reason="types are checked with mypy")
+    sources = [ROOT / "docs" / "_book", ROOT / "tests" / "python"]
+    environment = {**os.environ, "MYPYPATH": os.pathsep.join(map(str, sources))}
+    command = [sys.executable, "-m", "mypy", "--strict", str(sources[0]), str(sources[1] / "docs_blocks.py")]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment, check=False)
+    assert run.returncode == 0, run.stdout
+
+
 def test_lists_begin_after_an_empty_line() -> None:
     """Without it, Markdown takes the list for a paragraph."""
     for page in (ROOT / "docs").rglob("*.md"):
