@@ -33,12 +33,12 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 # Why a block is not run, and how many there may be.
 REASONS = {
-    "build": 2,  # builds or installs btr
+    "build": 4,  # builds or installs btr
     "robot": 1,  # moves a robot
     "yours": 1,  # needs files of the reader
     "cluster": 1,  # needs several machines
     "page": 1,  # serves a page until Ctrl-C
-    "long": 5,  # takes minutes, or is a study
+    "long": 6,  # takes minutes, or is a study
 }
 LANGUAGES = {"sh", "console", "python", "toml", "text", "xml"}
 FENCE = re.compile(r"^(?P<indent> *)```(?P<info>[^\n`]+)\n(?P<text>.*?)^(?P=indent)```$", re.M | re.S)
@@ -59,8 +59,8 @@ class Block:
 
 
 def pages() -> list[Path]:
-    """The pages that are written by hand."""
-    return [path for path in sorted(DOCS.rglob("*.md")) if "_book" not in path.parts]
+    """The pages that are written by hand, and the README."""
+    return [ROOT / "README.md"] + [path for path in sorted(DOCS.rglob("*.md")) if "_book" not in path.parts]
 
 
 def blocks(page: Path) -> Iterator[Block]:
