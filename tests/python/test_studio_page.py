@@ -119,7 +119,8 @@ def test_a_viser_that_cannot_be_guarded_does_not_serve(monkeypatch: pytest.Monke
 
 def test_names_are_escaped() -> None:
     failure = SimpleNamespace(joint=HOSTILE, regime="fast", chi=3.0, hint=HOSTILE)
-    comparison = SimpleNamespace(failures=[failure], warnings=[HOSTILE], not_judged=[HOSTILE])
+    verdict = SimpleNamespace(sentences=[HOSTILE, HOSTILE])
+    comparison = SimpleNamespace(verdict=verdict, failures=[failure], warnings=[HOSTILE], not_judged=[HOSTILE])
     card = Candidate((HOSTILE,), HOSTILE, HOSTILE, (HOSTILE,), 0.5, True, (HOSTILE,), 1.0)
     texts = [
         panels.head(HOSTILE, HOSTILE, 1.0, 1.0),

@@ -3,6 +3,7 @@
 pub mod base_parameters;
 pub mod figures;
 pub mod html;
+mod paths;
 pub mod plot;
 mod subject;
 pub mod table;

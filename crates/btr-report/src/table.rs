@@ -34,6 +34,32 @@ impl Table {
         self.lines(|k| k == 0)
     }
 
+    /// The table as text in lines of at most this many characters, where that is given: in a table that is wider, the
+    /// first column has lines of its own.
+    pub fn render_within(&self, columns: Option<usize>) -> String {
+        let text = self.render();
+        let widest = text.lines().map(|line| line.chars().count()).max().unwrap_or(0);
+        if columns.is_none_or(|columns| widest <= columns) || self.header.len() < 3 { text } else { self.stacked() }
+    }
+
+    /// The table with the first column in lines of its own.
+    fn stacked(&self) -> String {
+        let rest = |row: &Vec<String>| std::iter::once(String::new()).chain(row.iter().skip(1).cloned()).collect();
+        let others = Table { header: rest(&self.header), rows: self.rows.iter().map(rest).collect() }.render();
+        let mut lines: Vec<String> = others.lines().map(str::to_owned).collect();
+        for (k, row) in self.rows.iter().enumerate().rev() {
+            lines.insert(k + 2, row.first().cloned().unwrap_or_default());
+        }
+        lines.join("\n")
+    }
+
+    /// These columns of the table.
+    #[must_use]
+    pub fn columns(&self, kept: &[usize]) -> Table {
+        let of = |row: &Vec<String>| kept.iter().filter_map(|k| row.get(*k).cloned()).collect();
+        Table { header: of(&self.header), rows: self.rows.iter().map(of).collect() }
+    }
+
     /// The table as text, with the last column left-aligned and the others right-aligned: for long names.
     pub fn render_names_last(&self) -> String {
         self.lines(|k| k + 1 == self.header.len())
@@ -94,5 +120,15 @@ mod tests {
         table.row(vec!["a".into(), "1".into()]);
         table.row(vec!["longer".into(), "1000".into()]);
         assert_eq!(table.render(), "name       x\n------  ----\na          1\nlonger  1000");
+    }
+
+    #[test]
+    fn names_of_a_wide_table_have_lines_of_their_own() {
+        let mut table = Table::new(&["name", "x", "y"]);
+        table.row(vec!["a_long_name".into(), "1".into(), "2".into()]);
+        assert_eq!(table.render_within(Some(17)), table.render());
+        assert_eq!(table.render_within(None), table.render());
+        assert_eq!(table.render_within(Some(16)), "  x  y\n  -  -\na_long_name\n  1  2");
+        assert_eq!(table.columns(&[2, 0]).render_left(), "y  name\n-  -----------\n2  a_long_name");
     }
 }

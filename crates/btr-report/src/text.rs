@@ -1,6 +1,8 @@
 //! Sentences and table rows shared by the terminal and the HTML reports.
 
 use crate::Subject;
+use crate::paths;
+use crate::paths::shell_word;
 use crate::table::{maybe, number};
 use btr_identify::compare::ChannelError;
 use btr_identify::diagnose::{StandIn, Verdict};
@@ -184,6 +186,19 @@ pub fn evidence(support: &Support) -> String {
     if *established { by } else { format!("{by}: not established, it may stand in for something else") }
 }
 
+/// What a probability means.
+pub const PROBABILITY: &str = "probability: how likely this name is the right one of all that were fitted; in the benchmark, \
+                               357 of 361 names with 0.99 or more were right (docs/reliability.md)";
+
+/// A probability with two digits, never certain.
+pub fn probability(p: f64) -> String {
+    match p {
+        p if p > 0.99 => ">0.99".to_owned(),
+        p if p < 0.01 => "<0.01".to_owned(),
+        p => format!("{p:.2}"),
+    }
+}
+
 /// A free parameter that may stand in for an effect.
 pub fn stand_in(stand_in: &StandIn) -> String {
     let StandIn { parameter, unit, in_model, value, effects } = stand_in;
@@ -220,18 +235,25 @@ pub const CHANNEL_HEADER: [&str; 11] = [
     "step error",
 ];
 
-/// Explanation of the columns of [`CHANNEL_HEADER`].
-pub const LEGEND: [&str; 4] = [
+/// Columns of [`CHANNEL_HEADER`] that the terminal shows first, and the others.
+pub const CHANNEL_COLUMNS: [&[usize]; 2] = [&[0, 8, 2, 1, 4, 6, 9], &[0, 7, 1, 5, 3, 10]];
+
+/// Explanation of the columns in the first part of [`CHANNEL_COLUMNS`].
+pub const LEGEND: [&str; 2] = [
     "x noise floor: the error in multiples of the sensor's noise floor (chi in --json); 1 is the best that any model can reach",
-    "error %: the error's root mean square (rmse) in percent of that of the readings; fit %: the share of the motion that is reproduced",
-    "white: whether the residual looks like noise; lag: delay of the measurement",
-    "step error: the error of the simulation's time step alone, in noise floors",
+    "fit %: the share of the motion that is reproduced; lag: delay of the measurement; white: whether the residual looks like noise",
 ];
 
-/// Table rows, one per channel, under [`CHANNEL_HEADER`].
+/// Explanation of the columns in the second part.
+pub const FURTHER_LEGEND: [&str; 1] = [
+    "error %: the error's root mean square (rmse) in percent of that of the readings; step error: the error of the simulation's \
+     time step alone, in noise floors",
+];
+
+/// Table rows, one per channel, under [`CHANNEL_HEADER`]: those of the worst joint first.
 pub fn channel_rows(outcome: &CompareReport) -> Vec<Vec<String>> {
     let tenth = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{x:.1}"));
-    let row = |c: &ChannelError| {
+    let row = |c: &&ChannelError| {
         vec![
             c.name.clone(),
             c.unit.clone(),
@@ -246,7 +268,14 @@ pub fn channel_rows(outcome: &CompareReport) -> Vec<Vec<String>> {
             maybe(outcome.integrator.get(&c.name).copied()),
         ]
     };
-    outcome.comparison.channels.iter().map(row).collect()
+    let joints = outcome.verdict().joints;
+    let place = |channel: &str| {
+        let joint = channel.split_once('_').map_or("", |(_, joint)| joint);
+        joints.iter().position(|verdict| verdict.joint == joint).unwrap_or(joints.len())
+    };
+    let mut channels: Vec<&ChannelError> = outcome.comparison.channels.iter().collect();
+    channels.sort_by_key(|channel| place(&channel.name));
+    channels.iter().map(row).collect()
 }
 
 /// A remark on the time step, where the step's own error matters or a finer step was used.
@@ -299,14 +328,12 @@ fn arguments(model: &Path, subject: &Subject) -> Option<String> {
     if !std::iter::once(model).chain(logs()).all(Path::exists) {
         return None;
     }
-    let paths = |paths: &[PathBuf]| paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(" ");
-    let held_out =
-        if subject.held_out.is_empty() { String::new() } else { format!(" --held-out {}", paths(subject.held_out)) };
+    let held_out = if subject.held_out.is_empty() {
+        String::new()
+    } else {
+        format!(" --held-out {}", paths::arguments(subject.held_out))
+    };
     let freezes: String = subject.input.frozen.iter().map(|name| format!(" --freeze {}", shell_word(name))).collect();
-    Some(format!("{} {}{held_out}{freezes}", model.display(), paths(subject.logs)))
-}
-
-/// A name as a shell takes it: `*` would be a pattern.
-fn shell_word(name: &str) -> String {
-    if name.contains('*') { format!("'{name}'") } else { name.to_owned() }
+    let (model, logs) = (shell_word(&model.display().to_string()), paths::arguments(subject.logs));
+    Some(format!("{model} {logs}{held_out}{freezes}"))
 }

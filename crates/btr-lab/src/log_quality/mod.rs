@@ -1,9 +1,11 @@
 //! Quality of logs for a robot. [`usable`] has the errors that reject a log, [`robot`] the findings of `btr check`,
-//! [`coverage`] the checks over all logs of a command, [`beside_model`] glitches that show beside a simulation,
-//! [`torque_noise`] the noise floors of torques, and [`repeats`] what runs of the same command differ by.
+//! [`in_common`] what several joints have in common, [`coverage`] the checks over all logs of a command,
+//! [`beside_model`] glitches that show beside a simulation, [`torque_noise`] the noise floors of torques, and
+//! [`repeats`] what runs of the same command differ by.
 
 pub(crate) mod beside_model;
 pub(crate) mod coverage;
+pub(crate) mod in_common;
 pub(crate) mod repeats;
 pub(crate) mod robot;
 pub(crate) mod torque_noise;

@@ -16,11 +16,12 @@ mod stated_low;
 pub use crate::identification::{
     Doubt, ErrorUnit, FitOptions, FittedGlitch, NoiseFloor, ProblemError, StartModel, VerbInput, doubts,
 };
+pub use crate::log_quality::in_common::{CommonFinding, in_common};
 pub use crate::log_quality::repeats::{Drift, RepeatReport, RepeatedChannel, RepeatedRegime, RunOutlier};
 pub use crate::model_text::{AddError, Addition, OwnLaw, OwnNumber, add, add_law};
 pub use base_parameters::{BaseReport, PossibleBody, PossibleReport, base_parameters};
-pub use check::{CheckReport, IdentifiabilityReport, check};
-pub use compare::{CompareReport, compare};
+pub use check::{CheckReport, DeadTimeReport, IdentifiabilityReport, check};
+pub use compare::{Cause, CauseKind, CompareReport, CompareVerdict, JointVerdict, compare};
 pub use diagnose::diagnose;
 pub use diagnose_report::{CorrectedValue, DiagnoseReport, EffectReport, EffectSite, LawReport, Support, ValueReport};
 pub use effects::{effects, named, site};

@@ -4,7 +4,7 @@ use super::joints::{ComparedLogs, LOGS_SHOWN, joints};
 use super::page::{Block, Report, Section};
 use super::player::{AS_IT_STANDS, Player, Replayed, ReplayedState};
 use crate::plot::heat::{Heat, heat};
-use crate::text::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows, left_out};
+use crate::text::{CHANNEL_HEADER, FURTHER_LEGEND, LEGEND, about_the_step, channel_rows, left_out};
 use btr_identify::compare::{JointTrack, Regime, RegimeCell};
 use btr_lab::verbs::CompareReport;
 
@@ -31,15 +31,17 @@ fn player(outcome: &CompareReport, names: &[&str]) -> Option<Player> {
 fn summary(outcome: &CompareReport) -> Section {
     let logs = outcome.names.join(", ");
     let model = &outcome.model;
-    let mut blocks = vec![
+    let lead = outcome.verdict().sentences.into_iter().map(Block::Lead);
+    let mut blocks: Vec<Block> = lead.collect();
+    blocks.extend([
         Block::Text(format!("{model}, simulated with the commands of the logs: {logs}.")),
         Block::Table {
             header: CHANNEL_HEADER.iter().map(|&cell| cell.to_owned()).collect(),
             rows: channel_rows(outcome),
         },
         Block::Text("Errors are measured minus simulated.".to_owned()),
-        Block::List(LEGEND.map(str::to_owned).into()),
-    ];
+        Block::List(LEGEND.iter().chain(&FURTHER_LEGEND).map(|&line| line.to_owned()).collect()),
+    ]);
     blocks.extend(about_the_step(outcome).map(Block::Text));
     let left_out = outcome.replays.left_out.iter().map(left_out);
     let noticed: Vec<String> = left_out.chain(outcome.replays.warnings.iter().cloned()).collect();
@@ -50,16 +52,16 @@ fn summary(outcome: &CompareReport) -> Section {
 }
 
 fn failures(outcome: &CompareReport) -> Section {
-    const LISTED: usize = 12;
-    let failures = outcome.comparison.failures();
+    const OF_EACH_JOINT: usize = 3;
+    let failures = outcome.most_telling(OF_EACH_JOINT);
     let line = |cell: &&RegimeCell| {
         let share = 100.0 * cell.share;
         let RegimeCell { hint, log, t0_s, t1_s, .. } = cell;
         format!("{hint}. {share:.0} % of the squared error, most of it in {log} from {t0_s:.2} to {t1_s:.2} s.")
     };
     let list = match failures.len() {
-        0 => Block::Text("No joint fails in any regime: the residual is noise.".to_owned()),
-        _ => Block::List(failures.iter().take(LISTED).map(line).collect()),
+        0 => Block::Text("No joint fails in one regime of motion more than in others.".to_owned()),
+        _ => Block::List(failures.iter().map(line).collect()),
     };
     let joints = joints(&outcome.comparison);
     let chi = |joint: &str, regime: Regime| {

@@ -7,8 +7,8 @@ use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
 use crate::text::{
-    CORRECTED, ESTIMATES, corrected, estimate, evidence, findings, fit_command, integrator, remedy, stand_in,
-    what_remains,
+    CORRECTED, ESTIMATES, corrected, estimate, evidence, findings, fit_command, integrator, probability, remedy,
+    stand_in, what_remains,
 };
 use btr_core::log::Log;
 use btr_identify::LadderStep;
@@ -116,16 +116,15 @@ fn sentence(found: &DiagnoseReport) -> String {
 
 /// What speaks for a finding.
 fn support(support: &Support) -> String {
-    let probability = match 100.0 * support.probability {
-        p if p > 99.9 => "more than 99.9 %".to_owned(),
-        p => format!("{p:.1} %"),
-    };
     let alike = match support.alike.as_slice() {
         [] => "Nothing else that was fitted explains these logs about as well.".to_owned(),
         alike => format!("These logs cannot tell it from {}.", alike.join(", ")),
     };
     let (delta, why) = (number(support.delta_bic), evidence(support));
-    format!("Probability among all fitted candidates: {probability}; delta BIC {delta}; {why}. {alike}")
+    format!(
+        "Probability among all fitted candidates: {}; delta BIC {delta}; {why}. {alike}",
+        probability(support.probability)
+    )
 }
 
 /// A section on an effect: its probability, its parameters and its description.

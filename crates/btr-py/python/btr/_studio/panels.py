@@ -17,6 +17,7 @@ Ladder = Sequence[tuple[str, float, Union[float, None]]]
 _MUTED = "color:#6b7280"
 _SMALL = f"font-size:12px;line-height:1.45;{_MUTED}"
 _MOST_FLOORS = 100.0
+_MOST_SENTENCES = 3
 
 
 def _css(colour: Colour) -> str:
@@ -90,12 +91,12 @@ def ladder(steps: Ladder, status: str) -> str:
 
 
 def sentence(comparison: Union[CompareResult, None]) -> str:
-    """What `compare` says in one sentence, and what it warns of."""
+    """What `compare` says first, and what it warns of."""
     if comparison is None:
         return _box("comparing ...", _MUTED)
-    worst = [f"<b>Where it fails:</b> {escape(failure.hint)}" for failure in comparison.failures[:1]]
+    worst, *others = map(escape, comparison.verdict.sentences[:_MOST_SENTENCES])
     warnings = [*comparison.warnings, *(f"no log measures {joint}" for joint in comparison.not_judged)]
-    return _box(*worst or ["<b>No joint fails:</b> what is left is noise."]) + "".join(map(note, warnings))
+    return _box("<br>".join([f"<b>{worst}</b>", *others])) + "".join(map(note, warnings))
 
 
 def regimes(comparison: Union[CompareResult, None], joints: Sequence[str]) -> str:

@@ -37,6 +37,8 @@ from btr.documents._check import (
     ClockReport,
     CommandLag,
     CommandResponse,
+    CommonFinding,
+    DeadTimes,
     FittedGlitch,
     Glitch,
     GlitchKind,
@@ -48,7 +50,15 @@ from btr.documents._check import (
     Sensitivity,
     SensorReport,
 )
-from btr.documents._compare import ChannelError, Clue, Regime, RegimeFailure
+from btr.documents._compare import (
+    ChannelError,
+    Clue,
+    CompareVerdict,
+    ErrorCause,
+    JointVerdict,
+    Regime,
+    RegimeFailure,
+)
 from btr.documents._diagnose import (
     CorrectedValue,
     EffectReport,
@@ -100,7 +110,10 @@ __all__ = [
     "CombinationPart",
     "CommandLag",
     "CommandResponse",
+    "CommonFinding",
+    "CompareVerdict",
     "CorrectedValue",
+    "DeadTimes",
     "Degree",
     "Dimension",
     "Done",
@@ -109,6 +122,7 @@ __all__ = [
     "EffectParameter",
     "EffectReport",
     "EffectSpec",
+    "ErrorCause",
     "Estimate",
     "EstimateRecord",
     "Evidence",
@@ -120,6 +134,7 @@ __all__ = [
     "Glitch",
     "GlitchKind",
     "Iteration",
+    "JointVerdict",
     "LadderStep",
     "LawReport",
     "LeftOutLog",

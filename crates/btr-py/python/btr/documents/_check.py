@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from btr.documents._common import Finding, Severity
+from btr.documents._common import Finding, Severity, Topic
 from btr.documents._compare import Regime
 from btr.documents._record import Record
 
@@ -207,3 +207,29 @@ class Sensitivity(Record):
     Holds for white noise and a model without missing effects."""
     dead: bool
     """Whether the parameter has no effect that exceeds the noise."""
+
+
+class CommonFinding(Record):
+    """A finding that several joints have in common, for one cause."""
+
+    topic: Topic
+    """What it is about."""
+    severity: Severity
+    """How bad it is."""
+    joints: list[str]
+    """The joints."""
+    sentence: str
+    """All of this in one sentence."""
+    fix: str
+    """What to add to the model file."""
+
+
+class DeadTimes(Record):
+    """What all logs together say of the dead times between commands and motion."""
+
+    not_known: list[str]
+    """Joints whose dead time no log tells."""
+    not_in_model: dict[str, float]
+    """Joints with a dead time that the model lacks, and its median over the logs, in s."""
+    sentences: list[str]
+    """What people are told of that."""

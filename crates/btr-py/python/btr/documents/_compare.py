@@ -100,3 +100,45 @@ class RegimeFailure(Record):
     """The quantity that the error correlates with best; None if there is none."""
     hint: str
     """All of this in one sentence."""
+
+
+class ErrorCause(Record):
+    """What the error of a joint looks like."""
+
+    kind: Literal["late", "offset", "follows"]
+    """Shifting the measured motion in time removes most of it; it is about the same everywhere; or it correlates with a
+    quantity."""
+    share: float
+    """Share of the joint's squared error that this accounts for."""
+    lag_s: float | None
+    """How late the measured motion is, in s, if it is late."""
+    follows: Clue | None
+    """The quantity that the error follows, if it follows one."""
+
+
+class JointVerdict(Record):
+    """How far a joint is off."""
+
+    joint: str
+    """Name of the joint."""
+    channel: str
+    """The channel by which it is judged."""
+    unit: str
+    """SI unit."""
+    rmse: float
+    """Root mean square error, in `unit`."""
+    x_noise_floor: float
+    """The same in multiples of the noise floor."""
+    cause: ErrorCause | None
+    """What the error looks like; None within two noise floors, or if it looks like nothing known."""
+    sentence: str | None
+    """All of this in one sentence; None within two noise floors."""
+
+
+class CompareVerdict(Record):
+    """What a comparison says first."""
+
+    sentences: list[str]
+    """What people are told, the worst first: never empty. Joints that are late alike share a sentence."""
+    joints: list[JointVerdict]
+    """Every compared joint, the worst first."""

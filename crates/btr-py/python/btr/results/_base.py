@@ -64,11 +64,15 @@ class Result:
         """The result's table as a pandas frame. Raises `ImportError` without pandas."""
         return _tables.frame(self._table())
 
+    def _shown(self) -> Rows:
+        """The rows of the table that are printed."""
+        return self._table()
+
     def __repr__(self) -> str:
-        return f"{self._headline()}\n\n{_tables.text(self._table())}"
+        return f"{self._headline()}\n\n{_tables.text(self._shown())}".rstrip()
 
     def _repr_html_(self) -> str:
-        return _tables.markup(self._headline(), self._table())
+        return _tables.markup(self._headline(), self._shown())
 
 
 class Reported(Result):

@@ -129,7 +129,8 @@ class DiagnoseResult(Reported):
             f"{' or '.join(s.effects)} would explain these logs as well; freeze it if you know it"
             for s in self.stand_ins
         ]
-        rest = f"\na small error is left that is not noise: {left.name} would explain some of it" if left else ""
+        small = "would lower the BIC by {:.0f}, but explains too little to be named"
+        rest = f"\na small error is left that is not noise: {left.name} {small.format(left.delta_bic)}" if left else ""
         proposal = f"\nnext experiment: {experiment.sentence}" if experiment else ""
         early = "\nstopped before the search had finished: this is the best so far" if self.cut_short else ""
         return "".join(lines) + early + noise + rest + "".join(taken) + "".join(alike) + like + beside + proposal

@@ -18,6 +18,10 @@ class CheckResult(Result):
 
     logs: list[doc.CheckedLog]
     """One per log."""
+    in_common: list[doc.CommonFinding]
+    """Findings that several joints have in common, with the lines that mend them."""
+    dead_times: doc.DeadTimes
+    """What all logs together say of the dead times."""
     warnings: list[str]
     """Oddities of logs that can be used all the same."""
     repeatability: doc.Repeatability
@@ -42,7 +46,9 @@ class CheckResult(Result):
 
     def _headline(self) -> str:
         left_out = [f"left out: {log.reason}" for log in self.left_out]
-        return "\n".join([f"{log.log}: {log.verdict}" for log in self.logs] + left_out)
+        common = [f"{common.severity}: {common.sentence}\n{common.fix}" for common in self.in_common]
+        verdicts = [f"{log.log}: {log.verdict}" for log in self.logs]
+        return "\n".join(verdicts + left_out + common + self.dead_times.sentences)
 
     def _table(self) -> Rows:
         return [
@@ -51,11 +57,17 @@ class CheckResult(Result):
             for finding in log.findings
         ]
 
+    def _shown(self) -> Rows:
+        # What one log after the other says again is in the headline, or in the table of all findings.
+        return [row for row in self._table() if len(self.logs) == 1 or row["severity"] != "fine"]
+
 
 class CompareResult(Reported):
-    """The error of a model in multiples of the noise floor (`chi` of each of the `channels`), and where it fails
-    (`failures`)."""
+    """What is off (`verdict`), the error of a model in multiples of the noise floor (`chi` of each of the `channels`),
+    and where it fails (`failures`)."""
 
+    verdict: doc.CompareVerdict
+    """Which joints are off, by how much, and what their errors look like."""
     channels: list[doc.ChannelError]
     """The error of each channel."""
     failures: list[doc.RegimeFailure]
@@ -72,13 +84,13 @@ class CompareResult(Reported):
     """Logs that could not be used."""
 
     def _headline(self) -> str:
-        if not self.failures:
-            return "no joint fails in any regime: what is left is noise"
-        return "where it fails: " + "; ".join(failure.hint for failure in self.failures[:3])
+        return "\n".join(self.verdict.sentences)
 
     def _table(self) -> Rows:
         keys = ["name", "unit", "rmse", "fit_percent", "bias", "lag_s", "noise_floor", "chi", "white"]
-        return [{key: channel[key] for key in keys} for channel in self.channels]
+        places = {verdict.joint: place for place, verdict in enumerate(self.verdict.joints)}
+        worst_first = sorted(self.channels, key=lambda channel: places.get(channel.name.partition("_")[2], len(places)))
+        return [{key: channel[key] for key in keys} for channel in worst_first]
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draws the error of each channel in noise floors, on Matplotlib's `ax` or a new figure, and returns the axes.

@@ -1,13 +1,17 @@
 //! `check`: the quality of logs, and the identifiability of the free parameters from them, before any fit.
 
+mod responses;
+
+pub use responses::DeadTimeReport;
+
 use crate::experiment::{CheckedLog, LeftOutLog, Replays};
 use crate::identification::IdentificationProblem;
+use crate::log_quality::in_common::{CommonFinding, in_common};
 use crate::log_quality::repeats::RepeatReport;
 use btr_core::signal::dead_time::DeadTime;
 use btr_identify::fit::{NullDirection, Objective, Sensitivity, identifiable};
-use btr_identify::quality::{CommandResponse, Finding, Quality, Severity, Topic};
-use btr_physics::model::Model;
-use btr_physics::robot::site::matches;
+use btr_identify::quality::{CommandResponse, Finding};
+use indexmap::IndexSet;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -17,6 +21,10 @@ use std::sync::Arc;
 pub struct CheckReport {
     /// The quality of each log.
     pub logs: Vec<CheckedLog>,
+    /// Findings that several joints have in common.
+    pub in_common: Vec<CommonFinding>,
+    /// What all logs together say of the dead times.
+    pub dead_times: DeadTimeReport,
     /// Warnings about usable logs.
     pub warnings: Vec<String>,
     /// How far runs of the same command differ.
@@ -60,6 +68,8 @@ impl CheckReport {
         let mut document = json!({
             "ok": true,
             "logs": logs,
+            "in_common": self.in_common,
+            "dead_times": self.dead_times,
             "warnings": self.warnings,
             "repeatability": self.repeatability,
         });
@@ -97,35 +107,20 @@ pub struct IdentifiabilityReport {
 pub fn check(replays: Replays) -> CheckReport {
     let mut logs = replays.checked.clone();
     for CheckedLog { quality, .. } in &mut logs {
-        quality.add(undelayed(&replays.model, quality));
+        quality.add(responses::findings(&replays.model, &quality.joints));
     }
+    let measured: IndexSet<&String> = logs.iter().flat_map(|log| &log.quality.joints).map(|of| &of.joint).collect();
+    let findings: Vec<&Finding> = logs.iter().flat_map(|log| &log.quality.findings).collect();
+    let in_common = in_common(&findings, measured.len());
     CheckReport {
+        dead_times: DeadTimeReport::of(&replays.model, &logs),
+        in_common,
         logs,
         warnings: replays.warnings.clone(),
         repeatability: replays.repeats.report(&replays.model, &replays.logs),
         left_out: replays.left_out.clone(),
         identifiability: identifiability(replays),
     }
-}
-
-/// Findings for joints that the log shows to have a dead time, and the model does not.
-fn undelayed(model: &Model, quality: &Quality) -> Vec<Finding> {
-    let is_delayed = |joint: &str| {
-        let delays = |name: &str| ["command_delay", "encoder_delay"].contains(&name);
-        model.effects.iter().any(|placed| delays(placed.effect.spec().name) && matches(&placed.site, joint))
-    };
-    let lacking = |of: &CommandResponse| match of.dead_time {
-        Some(DeadTime::Known { seconds, ci95_s: [low, _], .. })
-            if low > 0.0 && of.lag.is_some() && !is_delayed(&of.joint) =>
-        {
-            let (joint, known) = (&of.joint, format!("delay = {seconds:.4}"));
-            let sentence =
-                format!("the model has no dead time at {joint}: its effect is command_delay@{joint} with {known}");
-            Some(Finding::new(Topic::DeadTime, Severity::Fine, joint, sentence))
-        }
-        _ => None,
-    };
-    quality.joints.iter().filter_map(lacking).collect()
 }
 
 fn identifiability(replays: Replays) -> IdentifiabilityReport {

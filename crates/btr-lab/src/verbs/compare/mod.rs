@@ -1,5 +1,13 @@
 //! `compare`: the errors of a model in multiples of the sensors' noise, and where they occur.
 
+mod joint;
+mod telling;
+mod verdict;
+mod words;
+
+pub use joint::{Cause, CauseKind, JointVerdict};
+pub use verdict::CompareVerdict;
+
 use crate::experiment::{Replays, Source};
 use crate::identification::{ProblemError, seen_starts};
 use btr_core::log::Log;
@@ -115,6 +123,19 @@ impl CompareReport {
         Some(self.replays.model.setup.noise.unpredictable.beside(channel, floor)).filter(|spread| *spread > floor)
     }
 
+    /// What it says first.
+    pub fn verdict(&self) -> CompareVerdict {
+        let repeatability = |channel: &str| self.repeatability(channel);
+        let logs = &self.replays.logs;
+        verdict::verdict(&joint::Compared { comparison: &self.comparison, logs, repeatability: &repeatability })
+    }
+
+    /// The most telling regimes of each joint that fails somewhere, the worst joint first: regimes of different kinds,
+    /// as those of one kind overlap.
+    pub fn most_telling(&self, most: usize) -> Vec<&RegimeCell> {
+        telling::most_telling(&self.comparison, &self.verdict().joints, most)
+    }
+
     /// The result with the keys of `--json`.
     pub fn document(&self) -> Value {
         let channel = |c: &ChannelError| {
@@ -152,6 +173,7 @@ impl CompareReport {
         };
         let mut document = json!({
             "ok": true,
+            "verdict": self.verdict(),
             "channels": self.comparison.channels.iter().map(channel).collect::<Vec<_>>(),
             "failures": self.comparison.failures().iter().map(failure).collect::<Vec<_>>(),
             "integrator_error": self.integrator_error(),
