@@ -13,6 +13,8 @@ mod args;
 mod cmd;
 mod exit;
 mod progress;
+mod status;
+mod terminal;
 
 use crate::exit::REFUSED;
 use args::{Args, Verb};

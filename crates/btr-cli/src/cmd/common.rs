@@ -2,18 +2,22 @@
 
 use crate::args::{Global, Reading};
 use crate::exit::INTERRUPTED;
+use crate::status::Status;
+use crate::terminal;
+use crate::terminal::{Tone, note, say};
 use btr_core::log::Log;
 use btr_identify::LadderStep;
 use btr_identify::fit::RemainingError;
+use btr_identify::quality::{Finding, Severity};
 use btr_io::{IoError, Mapping, Warning, write_whole};
 use btr_lab::execution::ExecutionContext;
 use btr_lab::experiment;
 use btr_lab::experiment::{LeftOutLog, LogSource, Replays, Source};
 use btr_lab::failure::Failure;
 use btr_lab::verbs;
-use btr_lab::verbs::{Doubt, ErrorUnit, NoiseFloor};
+use btr_lab::verbs::{CommonFinding, Doubt, ErrorUnit, NoiseFloor};
 use btr_report::table::{Table, number};
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -53,8 +57,18 @@ pub(crate) fn source_of(model: &Path, reading: &Reading, global: &Global) -> Res
     Ok(source)
 }
 
+fn reading_of(logs: usize) -> String {
+    if logs == 1 { "reading the log".to_owned() } else { format!("reading {logs} logs") }
+}
+
 /// Reads the logs.
-pub(crate) fn read(source: &Source, logs: [&[PathBuf]; 2], reading: &Reading) -> Result<Replays, Failure> {
+pub(crate) fn read(
+    source: &Source,
+    logs: [&[PathBuf]; 2],
+    reading: &Reading,
+    global: &Global,
+) -> Result<Replays, Failure> {
+    let _status = Status::new(&reading_of(logs[0].len() + logs[1].len()), global);
     let [training, held_out] = logs.map(|logs| logs.iter().map(|path| log_at(path)).collect::<Vec<_>>());
     Ok(experiment::replays_of(source, &training, &held_out, reading.damaged())?)
 }
@@ -66,14 +80,34 @@ pub(crate) fn replays(
     reading: &Reading,
     global: &Global,
 ) -> Result<(Replays, Vec<Doubt>), Failure> {
-    let replays = read(source, [training, held_out], reading)?;
+    let replays = read(source, [training, held_out], reading, global)?;
     let doubts = verbs::doubts(&replays);
     tell_left_out(&replays.left_out, global);
     if !global.quiet {
         replays.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
-        doubts.iter().for_each(|doubt| eprintln!("{}", btr_report::text::line(doubt)));
+        tell_doubts(&replays, &doubts);
     }
     Ok((replays, doubts))
+}
+
+/// Prints findings on stderr; those that several joints have in common once.
+fn tell_doubts(replays: &Replays, doubts: &[Doubt]) {
+    let joints = replays.model.robot.movable().count();
+    let findings: Vec<&Finding> = doubts.iter().map(|doubt| &doubt.finding).collect();
+    let common = verbs::in_common(&findings, joints);
+    for CommonFinding { severity, sentence, fix, .. } in &common {
+        eprintln!("{}: {sentence}\n{fix}", btr_report::text::word(*severity));
+    }
+    let apart = |doubt: &&Doubt| common.iter().all(|common| !common.covers(&doubt.finding));
+    doubts.iter().filter(apart).for_each(|doubt| eprintln!("{}", btr_report::text::line(doubt)));
+}
+
+/// What several joints have in common, and the lines that mend it.
+pub(crate) fn show_in_common(common: &[CommonFinding]) {
+    for CommonFinding { severity, sentence, fix, .. } in common {
+        say((*severity).into(), &format!("{}: {sentence}\n", btr_report::text::word(*severity)));
+        terminal::show(Tone::Plain, &format!("{fix}\n"));
+    }
 }
 
 /// Prints on stderr which logs were left out.
@@ -98,19 +132,12 @@ pub(crate) fn watch_for_interrupts(
             let _robot = context.robot();
             std::process::exit(i32::from(INTERRUPTED));
         }
-        // The terminal may be gone.
-        let _ = writeln!(std::io::stderr(), "\n{now}; press again to stop at once");
+        // In the place of a status line. The terminal may be gone.
+        let over = if std::io::stderr().is_terminal() { "\r\x1b[2K" } else { "\n" };
+        let _ = writeln!(std::io::stderr(), "{over}{now}; press again to stop at once");
     })
     .map_err(|e| Failure::new("signal", e.to_string(), None))?;
     Ok(interrupted)
-}
-
-/// Prints a ladder step on stderr.
-pub(crate) fn tell(step: &LadderStep, unit: ErrorUnit, global: &Global) {
-    if !global.quiet {
-        let held_out = step.held_out.map_or(String::new(), |x| format!(", {} held out", number(x)));
-        eprintln!("{:<44} {} x {}{held_out}", step.step, number(step.train), unit.name());
-    }
 }
 
 /// The error ladder as a table.
@@ -126,10 +153,17 @@ pub(crate) fn table(ladder: &[LadderStep], unit: ErrorUnit) -> Table {
 /// Where runs of the same command count: how far they differ, and what is left beside that and the noise.
 pub(crate) fn show_repeatability(floors: &[NoiseFloor], remaining: &[RemainingError]) {
     let Some(sentence) = btr_report::text::repeatability(floors) else { return };
-    println!("{sentence}");
-    let mut table = Table::new(&btr_report::text::REMAINING);
-    remaining.iter().for_each(|left| table.row(btr_report::text::remaining(left)));
-    println!("\n{}", table.render());
+    note(&sentence);
+    let mut left_over = Table::new(&btr_report::text::REMAINING);
+    remaining.iter().for_each(|left| left_over.row(btr_report::text::remaining(left)));
+    println!();
+    terminal::table(&left_over);
+}
+
+/// Reservations about a result: joints that were not judged, and findings about the logs.
+pub(crate) fn show_reserve(doubts: &[Doubt], not_judged: &[String]) {
+    let tone = doubts.iter().map(|doubt| doubt.finding.severity).max().unwrap_or(Severity::Doubtful).into();
+    btr_report::text::reserve(doubts, not_judged).iter().for_each(|sentence| say(tone, sentence));
 }
 
 /// Writes a text file, whole or not at all.

@@ -4,18 +4,20 @@ use super::common;
 use super::common::{announce, write_report};
 use crate::args::{CompareArgs, Global};
 use crate::exit::{DONE, MISSED};
+use crate::status::Status;
+use crate::terminal::{Tone, note, say, table};
 use btr_lab::failure::Failure;
 use btr_lab::output::{OutputKind, guard, inputs};
 use btr_lab::verbs;
 use btr_lab::verbs::CompareReport;
 use btr_report::html;
 use btr_report::table::Table;
-use btr_report::text::{CHANNEL_HEADER, LEGEND, about_the_step, channel_rows};
+use btr_report::text::{CHANNEL_COLUMNS, CHANNEL_HEADER, FURTHER_LEGEND, LEGEND, about_the_step, channel_rows};
 
-/// Error in noise floors above which a channel's residual is more than noise.
-const LOUD: f64 = 2.0;
-/// Number of failures in the terminal; `-v` and `--json` show all.
-const SHOWN: usize = 8;
+/// Number of sentences of the verdict; `-v` and `--json` show all.
+const SENTENCES: usize = 5;
+/// Number of regimes of each joint; `-v` and `--json` show all.
+const OF_EACH_JOINT: usize = 2;
 
 pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
     if let Some(gate) = args.max_chi.filter(|gate| !(*gate > 0.0 && gate.is_finite())) {
@@ -24,15 +26,18 @@ pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
     let source = common::source_of(&args.model, &args.reading, global)?;
     guard(OutputKind::Report.at(args.report.as_deref()), inputs(&source, args.logs.iter().cloned()))?;
     let (replays, doubts) = common::replays(&source, [&args.logs, &[]], &args.reading, global)?;
+    let status = Status::new(&format!("simulating {} logs", replays.logs.len()), global);
     let outcome =
         verbs::compare(&source, replays).map_err(|e| Failure::input(e, &doubts).of_simulated(&source.path))?;
     if let Some(path) = &args.report {
+        status.doing("drawing the report");
         write_report(path, &html::compare(&outcome))?;
     }
+    drop(status);
     if global.json {
         println!("{}", outcome.document());
     } else {
-        println!("{}", text(&outcome, if global.verbose { usize::MAX } else { SHOWN }));
+        show(&outcome, global.verbose);
     }
     announce(args.report.as_deref(), "the report", global);
     let worst = outcome.comparison.worst().map_or(0.0, |channel| channel.chi);
@@ -40,36 +45,56 @@ pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
     Ok(if missed { MISSED } else { DONE })
 }
 
-fn text(outcome: &CompareReport, most: usize) -> String {
-    let mut channels = Table::new(&CHANNEL_HEADER);
-    channel_rows(outcome).into_iter().for_each(|row| channels.row(row));
-    let failures = outcome.comparison.failures();
-    // Regimes are classified by positions; a torque can be wrong where no position is.
-    let loud = outcome.comparison.worst().filter(|channel| channel.chi > LOUD).map(|channel| {
-        format!(
-            "No joint's position fails in any regime, but the error of {} is {:.1} noise floors.",
-            channel.name, channel.chi
-        )
-    });
-    let mut lines = vec![channels.render(), String::new()];
-    lines.extend(LEGEND.map(str::to_owned));
-    lines.extend(btr_report::text::runs_differ(outcome));
+fn show(outcome: &CompareReport, verbose: bool) {
+    verdict(&outcome.verdict().sentences, verbose);
+    println!();
+    channels(outcome, verbose);
+    btr_report::text::runs_differ(outcome).iter().for_each(|sentence| note(sentence));
     let not_judged = outcome.replays.not_judged();
     if !not_judged.is_empty() {
-        lines.push(btr_report::text::unmeasured(&not_judged));
+        say(Tone::Doubtful, &btr_report::text::unmeasured(&not_judged));
     }
-    lines.push(String::new());
-    match failures.len() {
-        0 if loud.is_some() => lines.extend(loud),
-        0 => lines.push("No joint fails in any regime: the residual is noise.".to_owned()),
-        n if n > most => lines.push(format!("Where it fails ({most} of {n}; -v shows all)")),
-        _ => lines.push("Where it fails".to_owned()),
+    map(outcome, verbose);
+    if let Some(step) = about_the_step(outcome) {
+        println!();
+        note(&step);
     }
-    for cell in failures.iter().take(most) {
+}
+
+fn verdict(sentences: &[String], verbose: bool) {
+    let shown = if verbose { sentences.len() } else { SENTENCES };
+    sentences.iter().take(shown).for_each(|sentence| say(Tone::Lead, sentence));
+    if sentences.len() > shown {
+        say(Tone::Lead, &format!("and {} more; -v shows all", sentences.len() - shown));
+    }
+}
+
+fn channels(outcome: &CompareReport, verbose: bool) {
+    let mut channels = Table::new(&CHANNEL_HEADER);
+    channel_rows(outcome).into_iter().for_each(|row| channels.row(row));
+    let [first, further] = CHANNEL_COLUMNS;
+    table(&channels.columns(first));
+    LEGEND.iter().for_each(|line| note(line));
+    if verbose {
+        println!();
+        table(&channels.columns(further));
+        FURTHER_LEGEND.iter().for_each(|line| note(line));
+    }
+}
+
+/// Where the model fails: the regimes of motion that say most of each joint.
+fn map(outcome: &CompareReport, verbose: bool) {
+    let all = outcome.comparison.failures();
+    let telling = outcome.most_telling(OF_EACH_JOINT);
+    let cells = if verbose { &all } else { &telling };
+    if cells.is_empty() {
+        return;
+    }
+    let more = if cells.len() < all.len() { format!(" (-v shows all {})", all.len()) } else { String::new() };
+    println!("\nWhere it fails{more}");
+    for cell in cells {
         let share = format!("{:.0} % of the squared error", 100.0 * cell.share);
-        lines.push(format!("  {}", cell.hint));
-        lines.push(format!("    {share}; most of it in {}, at {:.2} to {:.2} s", cell.log, cell.t0_s, cell.t1_s));
+        say(Tone::Plain, &format!("  {}", cell.hint));
+        note(&format!("    {share}; most of it in {}, at {:.2} to {:.2} s", cell.log, cell.t0_s, cell.t1_s));
     }
-    lines.extend(about_the_step(outcome).map(|step| format!("\n{step}")));
-    lines.join("\n")
 }

@@ -4,6 +4,10 @@ use super::common;
 use super::common::{announce, watch_for_interrupts, write_report, write_text};
 use crate::args::{DiagnoseArgs, Global};
 use crate::exit::{DONE, INTERRUPTED, MISSED};
+use crate::status::Status;
+use crate::terminal;
+use crate::terminal::{Tone, note, say, table};
+use btr_identify::LadderStep;
 use btr_identify::diagnose::Verdict;
 use btr_identify::fit::Degree;
 use btr_identify::residual_model::{ResidualRequest, TimeStep};
@@ -15,7 +19,9 @@ use btr_lab::verbs::{DiagnoseReport, Support, VerbInput};
 use btr_report::Subject;
 use btr_report::html;
 use btr_report::table::{Table, number};
-use btr_report::text::{diagnose_command, evidence, findings, fit_command, stand_in, what_remains};
+use btr_report::text::{
+    PROBABILITY, diagnose_command, evidence, findings, fit_command, probability, stand_in, what_remains,
+};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -37,12 +43,19 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
         .map_err(|e| Failure::input(e, &doubts).of_simulated(&args.logs_args.model))?;
     let question = input.options(args.max_effects, args.max_rollouts);
     let unit = input.error_unit();
-    let tell = |ladder_step: &_| common::tell(ladder_step, unit, global);
     forecast(&input, question.max_rollouts, global);
     let interrupted = watch_for_interrupts("finishing with the best so far", Arc::default())?;
     let (flag, deadline) = (interrupted.clone(), args.max_time.map(|time| Instant::now() + time));
     let stop_signal =
         Arc::new(move || flag.load(Ordering::Relaxed) || deadline.is_some_and(|deadline| Instant::now() >= deadline));
+    let status = Status::new("fitting the free parameters", global);
+    let most = (question.max_rollouts < usize::MAX).then_some(question.max_rollouts_while_falling);
+    status.count(input.problem.model(), most);
+    let candidates = input.problem.candidates().len();
+    let tell = |step: &LadderStep| {
+        status.tell(step, unit);
+        status.doing(&format!("trying {candidates} candidates, best {} x", number(step.train)));
+    };
     let (report, diagnosed) = verbs::diagnose(&input, &input.problem, question, stop_signal, &tell)
         .map_err(|error| Failure::simulation_failure(&input, &error))?;
     if let Some(output) = &args.output {
@@ -54,8 +67,10 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
         write_next(&report, path)?;
     }
     if let Some(path) = &args.logs_args.report {
+        status.doing("drawing the report");
         write_report(path, &html::diagnose(&subject, &report, &diagnosed.fit.u))?;
     }
+    drop(status);
     if global.json {
         println!("{}", serde_json::json!(report));
     } else {
@@ -111,47 +126,61 @@ fn word_of(verdict: Verdict) -> String {
 }
 
 fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject, interrupted: bool) {
-    println!("\n{}\n", common::table(&report.error_ladder, subject.input.error_unit()).render());
-    println!("{}", sentence(report));
+    println!();
+    say(Tone::Lead, &sentence(report));
     if report.cut_short {
-        println!("{}", stopped(report, args, interrupted));
+        say(Tone::Doubtful, &stopped(report, args, interrupted));
     }
-    report.shows_noise().iter().for_each(|sentence| println!("{sentence}"));
-    report.shows_left_over().iter().for_each(|sentence| println!("{sentence}"));
-    report.stand_ins.iter().for_each(|one| println!("{}", stand_in(one)));
-    report.shows_where_judged().iter().for_each(|sentence| println!("{sentence}"));
-    btr_report::text::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
-    btr_report::text::given(&report.frozen, &report.with_prior).iter().for_each(|sentence| println!("{sentence}"));
+    let plain = |sentence: &String| say(Tone::Plain, sentence);
+    report.shows_noise().iter().for_each(plain);
+    report.shows_left_over().iter().for_each(plain);
+    report.stand_ins.iter().map(stand_in).for_each(|sentence| plain(&sentence));
+    report.shows_where_judged().iter().for_each(plain);
+    common::show_reserve(&report.doubts, &report.not_judged);
+    btr_report::text::given(&report.frozen, &report.with_prior).iter().for_each(|sentence| note(sentence));
+    println!();
+    table(&common::table(&report.error_ladder, subject.input.error_unit()));
+    found(report);
+    law(report);
+    if let Some(next) = &report.next_experiment {
+        say(Tone::Plain, &format!("\nnext experiment: {}", next.sentence));
+        if args.next.is_none() {
+            note("`--next FILE.csv` writes its commands, for `btr simulate --log` and for the robot");
+        }
+    }
+    println!();
+    note(&btr_report::text::floors(&report.noise_floor));
+    common::show_repeatability(&report.noise_floor, &report.remaining);
+    note(&btr_report::text::integrator(report.integrator_error, report.time_step_s));
+    if !report.at_bound.is_empty() {
+        let names = report.at_bound.join(", ");
+        let advice = "widen the bounds before relying on this result";
+        say(Tone::Doubtful, &format!("at their bounds: {names}; {advice}"));
+    }
+    note(&format!("{} rollouts in {} s", report.rollouts, number(report.seconds)));
+    let on = diagnose_command(report, subject, args.output.as_deref());
+    if let Some(command) = on.or_else(|| fit_command(report, subject)) {
+        terminal::show(Tone::Plain, &format!("\nnext: {command}"));
+    }
+}
+
+/// What was found, with its evidence and its values.
+fn found(report: &DiagnoseReport) {
     for effect in &report.effects {
         finding(&format!("{}@{}", effect.effect, effect.site), &effect.support);
-        let mut table = Table::new(&btr_report::text::ESTIMATES);
-        effect.parameters.iter().for_each(|estimate| table.row(btr_report::text::estimate(estimate)));
-        println!("{}", table.render());
+        let mut values = Table::new(&btr_report::text::ESTIMATES);
+        effect.parameters.iter().for_each(|estimate| values.row(btr_report::text::estimate(estimate)));
+        table(&values);
     }
     for value in &report.wrong_values {
         finding(&format!("{} of {}", value.value, value.site), &value.support);
-        let mut table = Table::new(&btr_report::text::CORRECTED);
-        value.parameters.iter().for_each(|corrected| table.row(btr_report::text::corrected(corrected)));
-        println!("{}", table.render());
-        value.parameters.iter().filter_map(btr_report::text::remedy).for_each(|remedy| println!("{remedy}"));
+        let mut values = Table::new(&btr_report::text::CORRECTED);
+        value.parameters.iter().for_each(|corrected| values.row(btr_report::text::corrected(corrected)));
+        table(&values);
+        value.parameters.iter().filter_map(btr_report::text::remedy).for_each(|remedy| say(Tone::Plain, &remedy));
     }
-    law(report);
-    if let Some(next) = &report.next_experiment {
-        println!("\nnext experiment: {}", next.sentence);
-        if args.next.is_none() {
-            println!("`--next FILE.csv` writes its commands, for `btr simulate --log` and for the robot");
-        }
-    }
-    println!("\n{}", btr_report::text::floors(&report.noise_floor));
-    common::show_repeatability(&report.noise_floor, &report.remaining);
-    println!("{}", btr_report::text::integrator(report.integrator_error, report.time_step_s));
-    if !report.at_bound.is_empty() {
-        println!("at their bounds: {}; widen the bounds before relying on this result", report.at_bound.join(", "));
-    }
-    println!("{} rollouts in {} s", report.rollouts, number(report.seconds));
-    let on = diagnose_command(report, subject, args.output.as_deref());
-    if let Some(command) = on.or_else(|| fit_command(report, subject)) {
-        println!("\nnext: {command}");
+    if report.support().next().is_some() {
+        note(PROBABILITY);
     }
 }
 
@@ -170,12 +199,12 @@ fn stopped(report: &DiagnoseReport, args: &DiagnoseArgs, interrupted: bool) -> S
 
 /// A finding and what speaks for it.
 fn finding(name: &str, support: &Support) {
-    let (probability, delta) = (number(support.probability), number(support.delta_bic));
-    println!("\n{name}   probability {probability}   delta BIC {delta}");
+    let (sure, delta) = (probability(support.probability), number(support.delta_bic));
+    say(Tone::Lead, &format!("\n{name}   probability {sure}   delta BIC {delta}"));
     if !support.alike.is_empty() {
-        println!("  these logs cannot tell it from: {}", support.alike.join(", "));
+        say(Tone::Doubtful, &format!("  these logs cannot tell it from: {}", support.alike.join(", ")));
     }
-    println!("  {}", evidence(support));
+    say(Tone::Plain, &format!("  {}", evidence(support)));
 }
 
 fn sentence(report: &DiagnoseReport) -> String {
@@ -233,5 +262,6 @@ fn law(report: &DiagnoseReport) {
     let Some(law) = &report.residual_law else { return };
     let beside = if law.beside.is_empty() { String::new() } else { format!(" beside {}", law.beside.join(", ")) };
     let share = format!("{:.0} % of the squared error above the noise", 100.0 * law.explains);
-    println!("\nthe error looks like this law{beside}; it explains {share} on held-out data:\n\n{}", law.toml);
+    say(Tone::Plain, &format!("\nthe error looks like this law{beside}; it explains {share} on held-out data:\n"));
+    terminal::show(Tone::Plain, &law.toml);
 }

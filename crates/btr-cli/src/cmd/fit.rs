@@ -4,6 +4,8 @@ use super::common;
 use super::common::{announce, write_report, write_text};
 use crate::args::{FitArgs, Global};
 use crate::exit::DONE;
+use crate::status::Status;
+use crate::terminal::{Tone, note, say, table};
 use btr_identify::residual_model::ResidualModel;
 use btr_lab::experiment::Source;
 use btr_lab::failure::Failure;
@@ -20,9 +22,14 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
     tell_unstated(&input, args, global);
     let unit = input.error_unit();
     let before = input.before.as_ref().map(|before| &before.problem as &dyn ResidualModel);
-    let (mut report, fit, step) = verbs::fit(&input, &input.problem, before, &|step| common::tell(step, unit, global))
+    let free = input.problem.free().len();
+    let status = Status::new(&format!("fitting {free} free parameters"), global);
+    status.count(input.problem.model(), None);
+    let tell = |step: &_| status.tell(step, unit);
+    let (mut report, fit, step) = verbs::fit(&input, &input.problem, before, &tell)
         .map_err(|error| Failure::simulation_failure(&input, &error))?;
     if args.base_parameters {
+        status.doing("estimating the base parameters");
         let base = verbs::base_parameters(&input, &fit, step)
             .map_err(|e| Failure::input(e, &input.doubts).of_simulated(&args.logs_args.model))?;
         report.base_parameters = Some(base);
@@ -34,10 +41,12 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
         write_text(output, &text)?;
     }
     if let Some(path) = &args.logs_args.report {
+        status.doing("drawing the report");
         let [logs, held_out] = input.logs_used();
         let subject = Subject { input: &input, logs: &logs, held_out: &held_out };
         write_report(path, &html::fit(&subject, &report, &fit.u))?;
     }
+    drop(status);
     if global.json {
         println!("{}", serde_json::json!(report));
     } else {
@@ -85,36 +94,42 @@ fn tell_unstated(input: &VerbInput, args: &FitArgs, global: &Global) {
 }
 
 fn show(report: &FitReport, unit: ErrorUnit) {
-    println!("\n{}\n", common::table(&report.error_ladder, unit).render());
+    println!();
+    table(&common::table(&report.error_ladder, unit));
+    println!();
     if !report.parameters.is_empty() {
-        let mut table = Table::new(&btr_report::text::ESTIMATES);
-        report.parameters.iter().for_each(|estimate| table.row(btr_report::text::estimate(estimate)));
-        println!("{}", table.render());
+        let mut estimates = Table::new(&btr_report::text::ESTIMATES);
+        report.parameters.iter().for_each(|estimate| estimates.row(btr_report::text::estimate(estimate)));
+        table(&estimates);
     }
-    btr_report::text::given(&report.frozen, &report.with_prior).iter().for_each(|sentence| println!("{sentence}"));
+    btr_report::text::given(&report.frozen, &report.with_prior).iter().for_each(|sentence| note(sentence));
     if report.parameters.iter().any(|estimate| estimate.by_bounds && !estimate.at_bound) {
-        println!("\nby its bounds: the interval follows from the bounds; the logs alone determine less");
+        note("\nby its bounds: the interval follows from the bounds; the logs alone determine less");
     }
     if let Some(why) = report.withheld.as_ref().filter(|_| !report.parameters.is_empty()) {
-        println!("\nno intervals: {why}; `btr diagnose` looks for it");
+        say(Tone::Doubtful, &format!("\nno intervals: {why}; `btr diagnose` looks for it"));
     }
-    btr_report::text::reserve(&report.doubts, &report.not_judged).iter().for_each(|sentence| println!("{sentence}"));
+    common::show_reserve(&report.doubts, &report.not_judged);
     for direction in &report.null_directions {
-        println!("\n{}", direction.sentence);
+        say(Tone::Plain, &format!("\n{}", direction.sentence));
     }
     report.base_parameters.iter().for_each(show_base);
-    println!("\n{}", btr_report::text::floors(&report.noise_floor));
+    println!();
+    note(&btr_report::text::floors(&report.noise_floor));
     common::show_repeatability(&report.noise_floor, &report.remaining);
-    println!("{}", btr_report::text::integrator(report.integrator_error, report.time_step_s));
-    println!("{} rollouts in {} s", report.rollouts, number(report.seconds));
+    note(&btr_report::text::integrator(report.integrator_error, report.time_step_s));
+    note(&format!("{} rollouts in {} s", report.rollouts, number(report.seconds)));
 }
 
 fn show_base(report: &BaseReport) {
-    println!("\n{}", base_parameters::combinations(report).render_names_last());
-    println!("\n{}\n", base_parameters::remaining(report).render());
-    base_parameters::sentences(report).iter().for_each(|sentence| println!("{sentence}"));
+    println!();
+    crate::terminal::show(Tone::Plain, &base_parameters::combinations(report).render_names_last());
+    println!();
+    table(&base_parameters::remaining(report));
+    println!();
+    base_parameters::sentences(report).iter().for_each(|sentence| say(Tone::Plain, sentence));
     if let Some(possible) = &report.possible {
-        println!("\n{}", base_parameters::can_be(possible));
-        println!("\n{}", base_parameters::possible(possible).render());
+        say(Tone::Plain, &format!("\n{}\n", base_parameters::can_be(possible)));
+        table(&base_parameters::possible(possible));
     }
 }

@@ -125,6 +125,43 @@ fn friction_is_seen_at_its_joint_and_follows_the_sign_of_the_velocity() {
 }
 
 #[test]
+fn late_is_said_where_a_shift_in_time_removes_most_of_the_error() {
+    let late = lab("effect = \"encoder_delay\"\ndelay = 0.042");
+    let verdict = &late.json("compare swing.toml log.csv")["verdict"];
+    let hinge = &verdict["joints"][0];
+    assert_eq!((&hinge["joint"], &hinge["cause"]["kind"]), (&"hinge".into(), &"late".into()), "{verdict}");
+    assert!((hinge["cause"]["lag_s"].as_f64().unwrap() - 0.042).abs() < 0.002, "{verdict}");
+    assert!(hinge["cause"]["share"].as_f64().unwrap() > 0.9, "{verdict}");
+    let said = verdict["sentences"][0].as_str().unwrap();
+    assert!(said.starts_with("hinge: ") && said.contains("it arrives 42 ms late: "), "{said}");
+    assert!(late.ok("compare swing.toml log.csv").starts_with(said));
+    // Friction shifts the motion as well, but that is not most of its error.
+    let rubs = &lab(FRICTION).json("compare swing.toml log.csv")["verdict"]["joints"][0];
+    assert_eq!((&rubs["cause"]["kind"], &rubs["cause"]["follows"]), (&"follows".into(), &"sign_of_velocity".into()));
+    assert!(rubs["x_noise_floor"].as_f64().unwrap() > 10.0, "{rubs}");
+    let fine = &lab(NONE).json("compare swing.toml log.csv")["verdict"];
+    let said = fine["sentences"][0].as_str().unwrap();
+    assert!(said.starts_with("every joint is within 1.0 x") && said.contains("nothing is left"), "{said}");
+    assert!(fine["joints"][0]["sentence"].is_null() && fine["joints"][0]["cause"].is_null(), "{fine}");
+}
+
+#[test]
+fn joints_that_are_late_alike_share_a_sentence() {
+    let lab = Lab::new();
+    let robot = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
+    let model = std::fs::read_to_string(robot.join("arm.toml")).unwrap();
+    lab.write("arm.urdf", &std::fs::read_to_string(robot.join("arm.urdf")).unwrap());
+    lab.write("arm.toml", &model);
+    lab.write("late.toml", &format!("{model}\n[[effects]]\neffect = \"encoder_delay\"\nsite = \"*\"\ndelay = 0.04\n"));
+    std::fs::copy(robot.join("arm/learn_1.csv"), lab.path("commands.csv")).unwrap();
+    lab.ok("simulate late.toml --log commands.csv --seed 3 -q -o log.csv");
+    let verdict = &lab.json("compare arm.toml log.csv")["verdict"];
+    assert_eq!(verdict["sentences"].as_array().unwrap().len(), 1, "{verdict}");
+    let said = verdict["sentences"][0].as_str().unwrap();
+    assert!(said.contains(" arrive 40 ms late: ") && said.contains("is worst"), "{said}");
+}
+
+#[test]
 fn the_documents_have_the_keys_that_others_rely_on() {
     let lab = lab(FRICTION);
     let found = lab.json("compare swing.toml log.csv");
@@ -132,7 +169,7 @@ fn the_documents_have_the_keys_that_others_rely_on() {
         let object = value.as_object().unwrap();
         keys.iter().for_each(|key| assert!(object.contains_key(*key), "{key} is not in {value}"));
     };
-    has(&found, &["ok", "channels", "failures", "integrator_error"]);
+    has(&found, &["ok", "verdict", "channels", "failures", "integrator_error"]);
     has(
         &found["channels"][0],
         &["name", "unit", "rmse", "fit_percent", "bias", "lag_s", "noise_floor", "chi", "white"],

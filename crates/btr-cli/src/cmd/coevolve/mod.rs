@@ -7,11 +7,11 @@ mod posterior;
 mod summary;
 mod truth;
 
-use super::common;
 use super::common::watch_for_interrupts;
 use crate::args::{CoevolveArgs, Global};
 use crate::exit::{DONE, INTERRUPTED, MISSED};
 use crate::progress::Progress;
+use crate::status::ladder_line;
 use btr_core::coevolve::{Coevolution, StepOutcome, StopReason};
 use btr_identify::LadderStep;
 use btr_lab::experiment::{Experiment, Source};
@@ -94,7 +94,12 @@ impl RunObserver for Watcher<'_> {
     }
 
     fn ladder_step(&self, ladder_step: &LadderStep) {
-        common::tell(ladder_step, ErrorUnit::NoiseFloor, self.global);
+        let line = ladder_line(ladder_step, ErrorUnit::NoiseFloor);
+        match &self.progress {
+            Some(progress) => progress.say(&line),
+            None if !self.global.quiet => eprintln!("{line}"),
+            None => {}
+        }
     }
 
     fn warn(&mut self, line: &str) {
