@@ -3,10 +3,8 @@
 use btr_lab::experiment::DamagedLogs;
 use btr_lab::export::{FORMATS, Format};
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{Args as ClapArgs, CommandFactory, Error, Parser, Subcommand};
+use clap::{Args as ClapArgs, Parser, Subcommand};
 use clap_complete::Shell;
-use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -26,6 +24,10 @@ or do all that on a page in the browser (pip install 'btr[studio]'):
 Evolve a controller and its simulation:
   btr coevolve robots/nao.toml --out runs/nao";
 
+/// What btr is for.
+const ABOUT: &str = "Find out where a robot's simulation is wrong, and why: which joint, which physical effect, which value. \
+                     Or evolve controllers and their simulator against each other, with a few tests on the robot.";
+
 /// Usage of a verb with training logs and held-out logs.
 macro_rules! held_out_usage {
     ($verb:literal) => {
@@ -33,46 +35,14 @@ macro_rules! held_out_usage {
     };
 }
 
-/// Evolve robot controllers and their simulator against each other.
-///
-/// Repeats three steps: find controllers in simulation, test a few in reality, and fit the simulation to what they did.
+/// The arguments of an invocation.
 #[derive(Parser)]
-#[command(name = "btr", version, after_help = WORKFLOWS)]
+#[command(name = "btr", version, about = ABOUT, after_help = WORKFLOWS)]
 pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) global: Global,
     #[command(subcommand)]
     pub(crate) verb: Verb,
-}
-
-impl Args {
-    /// Parses the arguments. Errors are clap's, with a tip where clap cannot give one.
-    pub(crate) fn of(typed: Vec<OsString>) -> Result<Self, Error> {
-        let with_held_out = typed.iter().any(|argument| argument == "--held-out");
-        if typed.iter().filter(|argument| *argument == "-").count() > 1 {
-            let once = "the standard input is read once: only one argument can be `-`";
-            return Err(Args::command().error(ErrorKind::ArgumentConflict, once));
-        }
-        Args::try_parse_from(typed).map_err(|mut error| {
-            let tip = match error.kind() {
-                ErrorKind::MissingRequiredArgument if with_held_out => {
-                    Some("put the logs before --held-out, which takes all arguments that follow".to_owned())
-                }
-                ErrorKind::InvalidSubcommand => Some(format!("verbs: {}", verbs().join(", "))),
-                _ => None,
-            };
-            if let Some(tip) = tip {
-                error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
-            }
-            error
-        })
-    }
-}
-
-/// The verbs that are not hidden.
-fn verbs() -> Vec<String> {
-    let command = Args::command();
-    command.get_subcommands().filter(|verb| !verb.is_hide_set()).map(|verb| verb.get_name().to_owned()).collect()
 }
 
 /// Options of every verb.
@@ -106,19 +76,19 @@ pub(crate) enum Verb {
         btr coevolve robots/ant.toml --seed 7 --out runs/ant-7 --resume"
     )]
     Coevolve(CoevolveArgs),
-    /// Simulate a model: replay a log's commands, or run the model's own drive
+    /// Simulate a model: replay a log's commands, or run its own drive
     #[command(after_help = "Example:\n  btr simulate robots/nao.toml -o walk.mcap")]
     Simulate(SimulateArgs),
-    /// Write a model file to start from, made of a robot's URDF, xacro or MuJoCo model, and of logs
+    /// Make a model file of a URDF, xacro or MuJoCo model, and of logs
     #[command(after_help = "Examples:\n  btr new arm.urdf monday.csv -o arm.toml\n  btr new scene.xml -o arm.toml\n\n\
         Logs may have any column names: joints, quantities and units are matched by names and ranges, and what is guessed \
         is told. MuJoCo models need Python with btr[mujoco], xacro files the program or the Python package xacro.")]
     New(NewArgs),
-    /// Check the quality of logs: clock, sensors, lags, and which free parameters they identify
+    /// Judge logs: clock, sensors, lags, which free parameters they identify
     #[command(after_help = "Example:\n  btr check leg.toml monday.mcap tuesday.csv\n\n\
         Exit code 1 if a log has a bad finding, or cannot be used at all: results based on it cannot be trusted.")]
     Check(CheckArgs),
-    /// Show where a model fails: per channel, per joint and regime of motion
+    /// Show where a model fails: which joint, by how much, in which motion
     #[command(after_help = "Examples:\n  btr compare leg.toml monday.mcap\n  \
         btr compare leg.toml logs/*.csv --report where.html --max-chi 1.5")]
     Compare(CompareArgs),
@@ -149,7 +119,7 @@ pub(crate) enum Verb {
         A file that is changed keeps its comments and its layout. What a format cannot say is told, and its effects\n\
         are written as JSON beside the output (OUT.effects.json).")]
     Export(ExportArgs),
-    /// Open a local page on a model and its logs: compare, diagnose, add, fit and save in the browser
+    /// Do all that on a local page: compare, diagnose, add, fit, save
     #[command(
         override_usage = held_out_usage!("studio"),
         after_help = "Example:\n  btr studio robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv\n\n\
@@ -162,7 +132,7 @@ pub(crate) enum Verb {
         /// Name of an effect
         name: Option<String>,
     },
-    /// Describe a log; without a log, list the drives, distances, searches and fitness terms
+    /// Describe a log; without one, list drives, distances, searches, terms
     #[command(after_help = "Example:\n  btr info walk.mcap")]
     Info {
         /// A log (MCAP or CSV)

@@ -11,6 +11,7 @@ macro_rules! eprintln {
 
 mod args;
 mod cmd;
+mod command_line;
 mod exit;
 mod progress;
 mod status;
@@ -25,7 +26,7 @@ use std::ffi::OsString;
 /// was missed or the run's folder lost, 2 not possible, 130 interrupted.
 pub fn run(arguments: Vec<OsString>) -> u8 {
     end_quietly_on_a_closed_pipe();
-    let args = match Args::of(arguments) {
+    let args = match command_line::parsed(arguments) {
         Ok(args) => args,
         Err(error) => {
             // Help and version go to stdout, mistakes to stderr. A failure to write them is ignored.

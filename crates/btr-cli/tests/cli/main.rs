@@ -33,4 +33,5 @@ mod runs;
 mod scenarios;
 mod start;
 mod studio;
+mod terminal;
 mod verbs;

@@ -150,7 +150,7 @@ fn a_joint_without_a_command_is_told() {
     let told = text(&output.stdout) + &text(&output.stderr);
     assert!(told.contains("no column has commands of elbow"), "{told}");
     let told = lab.complaint("new arm.urdf log.csv -o other.toml --set robot.base=floating");
-    assert!(told.contains("a new model takes no --set"), "{told}");
+    assert!(told.contains("`btr new` does nothing with --set"), "{told}");
 }
 
 #[test]

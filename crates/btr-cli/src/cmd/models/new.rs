@@ -16,10 +16,6 @@ use btr_physics::robot::urdf::parse_urdf;
 use std::path::Path;
 
 pub(crate) fn run(args: &NewArgs, global: &Global) -> Result<u8, Failure> {
-    if !global.settings.is_empty() {
-        let help = "write the value into the new model, or give it to the verb that reads that";
-        return Err(Failure::new("usage", "a new model takes no --set".to_owned(), Some(help.into())));
-    }
     let urdf_file = args.output.with_extension("urdf");
     guard(OutputKind::Model.at(Some(&args.output)), std::iter::once(args.robot.clone()).chain(args.logs.clone()))?;
     keep(&args.output, args)?;

@@ -9,7 +9,6 @@ use std::process::Command;
 const NEEDED: &str = "btr._studio, viser";
 
 pub(crate) fn run(args: &StudioArgs, global: &Global) -> Result<u8, Failure> {
-    refuse_what_would_be_ignored(global)?;
     let python = Python::named();
     python.imports(NEEDED).map_err(|why| {
         let message = format!("the studio is served by Python, with btr and viser in it: {why}");
@@ -37,17 +36,6 @@ pub(crate) fn run(args: &StudioArgs, global: &Global) -> Result<u8, Failure> {
         command.env("RAYON_NUM_THREADS", threads.to_string());
     }
     hand_over(command).map_err(|e| Failure::new("studio", python.unusable(e), None))
-}
-
-/// The page takes the model's file as it is.
-fn refuse_what_would_be_ignored(global: &Global) -> Result<(), Failure> {
-    let ignored = match (global.settings.is_empty(), global.seed) {
-        (false, _) => "--set",
-        (true, Some(_)) => "--seed",
-        (true, None) => return Ok(()),
-    };
-    let help = "write the value into the model's file".into();
-    Err(Failure::new("usage", format!("the studio takes no {ignored}"), Some(help)))
 }
 
 /// Puts the program into the place of this one, so that signals, streams and the exit code are its own.
