@@ -42,7 +42,7 @@ control_s = 0.01
 [parameters]
 "mass@left_shank" = {{ relative = [0.5, 2.0] }}
 "mass@trunk" = {{ relative = [0.5, 2.0] }}
-"kp@*" = {{ relative = [0.5, 2.0] }}
+"kp@*" = {{ relative = [0.5, 2.0], shared = true }}
 "coulomb_friction.torque@right_knee" = {{ bounds = [0.0, 2.0], value = 0.1 }}
 "command_delay.delay@*" = {{ bounds = [0.0, 0.05], value = 0.01 }}
 {lines}"#

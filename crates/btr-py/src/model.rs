@@ -124,7 +124,7 @@ impl Model {
         values.iter().for_each(|&(k, value)| s[k] = value);
         space.check(&s).map_err(|e| raised(e.to_string(), None))?;
         let values = values.iter().map(|&(k, value)| (space.dims()[k].name.as_str(), value));
-        at(&self.source.text, values).map_err(|e| raised(e.to_string(), None))
+        at(&self.source.text, &self.built, values).map_err(|e| raised(e.to_string(), None))
     }
 
     /// Where the names are among the dimensions of S, or of C, which are called `what`.

@@ -121,6 +121,28 @@ pub fn integrator(error: f64, time_step_s: f64) -> String {
     format!("integrator's own error: {error} x noise floor, in steps of {step_ms} ms")
 }
 
+/// That effects do nothing, and how to be rid of them.
+pub fn removable(without_effect: &[String]) -> Option<String> {
+    let first = without_effect.first()?;
+    let (effect, site) = first.split_once('@').unwrap_or((first, "*"));
+    let (does, they) = if without_effect.len() == 1 { ("does", "it") } else { ("do", "them") };
+    Some(format!(
+        "{} {does} nothing in these logs; to remove {they}, leave {they} out of --add, or delete the lines in the model file \
+         (\"{effect}.*@{site}\" in [parameters], and an entry in [[effects]])",
+        without_effect.join(", ")
+    ))
+}
+
+/// Parameters at bounds that may keep them from a better value: not those of effects that ended at nothing.
+pub fn at_bounds(report: &DiagnoseReport) -> Vec<&str> {
+    let is_of = |name: &str, idle: &str| {
+        let (effect, site) = idle.split_once('@').unwrap_or((idle, "*"));
+        name.starts_with(&format!("{effect}.")) && name.ends_with(&format!("@{site}"))
+    };
+    let names = report.at_bound.iter().map(String::as_str);
+    names.filter(|name| !report.without_effect.iter().any(|idle| is_of(name, idle))).collect()
+}
+
 /// The table row of an estimate, under [`ESTIMATES`].
 pub fn estimate(estimate: &Estimate) -> Vec<String> {
     vec![estimate.name.clone(), number(estimate.value), estimate.unit.clone(), interval(estimate)]

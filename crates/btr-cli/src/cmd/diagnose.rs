@@ -152,11 +152,13 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject, interru
     note(&btr_report::text::floors(&report.noise_floor));
     common::show_repeatability(&report.noise_floor, &report.remaining);
     note(&btr_report::text::integrator(report.integrator_error, report.time_step_s));
-    if !report.at_bound.is_empty() {
-        let names = report.at_bound.join(", ");
+    let at_bounds = btr_report::text::at_bounds(report);
+    if !at_bounds.is_empty() {
+        let names = at_bounds.join(", ");
         let advice = "widen the bounds before relying on this result";
         say(Tone::Doubtful, &format!("at their bounds: {names}; {advice}"));
     }
+    btr_report::text::removable(&report.without_effect).iter().for_each(|sentence| note(sentence));
     note(&format!("{} rollouts in {} s", report.rollouts, number(report.seconds)));
     let on = diagnose_command(report, subject, args.output.as_deref());
     if let Some(command) = on.or_else(|| fit_command(report, subject)) {

@@ -34,10 +34,11 @@ pub fn posterior_of(path: &Path) -> Result<Posterior, Failure> {
 /// # Errors
 /// See [`drawn_values`].
 pub fn draws(source: &Source, posterior: &Posterior, many: usize, seed: u64) -> Result<Vec<Source>, Failure> {
+    let model = crate::experiment::model(source)?;
     let placed = |values: Vec<f64>| {
         let named = posterior.parameters.iter().map(|of| of.name.as_str()).zip(values);
         let failed = |error| Failure::new("model", format!("{}: {error}", source.path.display()), None);
-        Ok(Source { text: at(&source.text, named).map_err(failed)?, ..source.clone() })
+        Ok(Source { text: at(&source.text, &model, named).map_err(failed)?, ..source.clone() })
     };
     drawn_values(source, posterior, many, seed)?.into_iter().map(placed).collect()
 }

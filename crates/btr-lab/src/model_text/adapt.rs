@@ -1,11 +1,15 @@
 //! The adapted model as a file: the experiment's text with the estimates written in and its comments kept.
 
+use super::guesses::forget_guesses;
+use super::in_place::write_in_place;
 use super::paths::{anchor, with_schema};
+use super::patterns::spell_out;
 use crate::experiment::{SimulationSection, Source, USUAL_STEPS};
-use btr_core::space::Space;
+use btr_core::space::{Dim, Space};
+use btr_physics::model::Model;
 use btr_physics::setup::Setup;
 use std::path::Path;
-use toml_edit::{DocumentMut, Item, Table, TomlError};
+use toml_edit::{DocumentMut, Item, Table, TomlError, Value};
 
 /// Sections that control a run and do not belong to a model.
 const NOT_MODEL: [&str; 3] = ["reality", "coevolve", "distances"];
@@ -14,7 +18,8 @@ const NOT_MODEL: [&str; 3] = ["reality", "coevolve", "distances"];
 const TASK: [&str; 2] = ["drive", "fitness"];
 
 /// Comment above the parameters of an adapted model.
-const PRECEDENCE: &str = "# As fitted: these values win over those under [robot] and [actuators].";
+const PRECEDENCE: &str =
+    "# As fitted: a value here wins over the same one in another section, and is where the next fit begins.";
 
 /// A free parameter of a model file.
 #[derive(Clone, Copy, Debug)]
@@ -33,18 +38,20 @@ impl<'a> From<(&'a str, f64)> for FittedValue<'a> {
     }
 }
 
-/// The text of `source` as a model file in the folder `into`, with its free parameters at these values, by name.
+/// The text of `source` as a model file in the folder `into`, with the free parameters of its model at these values, by
+/// name: in `[parameters]`, and where the file states them.
 ///
 /// # Errors
 /// A file that is not TOML; it was read before, so this does not happen.
 pub fn adapted<'a>(
     source: &Source,
+    model: &Model,
     values: impl IntoIterator<Item = FittedValue<'a>>,
     into: &Path,
 ) -> Result<String, TomlError> {
     let mut document = source.text.parse::<DocumentMut>()?;
     TASK.iter().for_each(|section| drop(document.remove(section)));
-    Ok(model_text(document, source, values, into))
+    Ok(model_text(document, (source, model), values, into))
 }
 
 /// The same with the sections for the drive and its fitness. The drive is fixed at `controller`, a point of C with its
@@ -54,7 +61,8 @@ pub fn adapted<'a>(
 /// See [`adapted`].
 pub fn adapted_with_drive(
     source: &Source,
-    simulation: SpacePoint,
+    model: &Model,
+    simulation: &[f64],
     controller: Option<SpacePoint>,
     into: &Path,
 ) -> Result<String, TomlError> {
@@ -62,22 +70,22 @@ pub fn adapted_with_drive(
     if let Some(controller) = controller {
         fix_drive(&mut document, controller.named());
     }
-    Ok(model_text(document, source, simulation.named().map(FittedValue::from), into))
+    let simulation = SpacePoint { space: &model.simulations, point: simulation };
+    Ok(model_text(document, (source, model), simulation.named().map(FittedValue::from), into))
 }
 
 /// A document as a model file in the folder `into`, with these values of the free parameters.
 fn model_text<'a>(
     mut document: DocumentMut,
-    source: &Source,
+    (source, model): (&Source, &Model),
     values: impl IntoIterator<Item = FittedValue<'a>>,
     into: &Path,
 ) -> String {
     NOT_MODEL.iter().for_each(|section| drop(document.remove(section)));
     anchor(&mut document, source.folder(), into);
-    for FittedValue { name, value, sd } in values {
-        write_value(&mut document, name, "value", Some(value));
-        write_value(&mut document, name, "sd", sd);
-    }
+    let values: Vec<FittedValue> = values.into_iter().collect();
+    write_values(&mut document, model, values.iter().map(|of| (of.name, of.value)));
+    values.iter().for_each(|of| write_key(&mut document, of.name, "sd", of.sd.map(Value::from)));
     note_precedence(&mut document);
     with_schema(&document.to_string(), source.folder(), into)
 }
@@ -116,18 +124,62 @@ fn fix_drive<'a>(document: &mut DocumentMut, values: impl Iterator<Item = (&'a s
     drive.insert("set", Item::Table(set));
 }
 
-/// The text of a file with other values of these free parameters; everything else is unchanged.
+/// The text of a model's file with other values of these free parameters; everything else is unchanged.
 ///
 /// # Errors
 /// See [`adapted`].
-pub fn at<'a>(text: &str, values: impl IntoIterator<Item = (&'a str, f64)>) -> Result<String, TomlError> {
+pub fn at<'a>(
+    text: &str,
+    model: &Model,
+    values: impl IntoIterator<Item = (&'a str, f64)>,
+) -> Result<String, TomlError> {
     let mut document = text.parse::<DocumentMut>()?;
-    values.into_iter().for_each(|(name, value)| write_value(&mut document, name, "value", Some(value)));
+    write_values(&mut document, model, values);
     Ok(document.to_string())
 }
 
+/// Writes values of free parameters, each where the file states it and in `[parameters]`, so that the two agree.
+fn write_values<'a>(document: &mut DocumentMut, model: &Model, values: impl IntoIterator<Item = (&'a str, f64)>) {
+    spell_out(document, &model.simulations);
+    let mut fitted = Vec::new();
+    for (name, value) in values {
+        if write_in_place(document, &model.robot, name, value)
+            && let Some(k) = model.simulations.index_of(name)
+        {
+            keep_bounds(document, &model.simulations.dims()[k], value);
+        }
+        write_key(document, name, "value", Some(value.into()));
+        fitted.push(name);
+    }
+    forget_guesses(document, &model.robot, &fitted);
+}
+
+/// Bounds relative to a value that the file no longer states, as they were.
+fn keep_bounds(document: &mut DocumentMut, dim: &Dim, value: f64) {
+    let Some(entry) = document["parameters"].get_mut(&dim.name).and_then(Item::as_table_like_mut) else { return };
+    if !entry.contains_key("relative") {
+        return;
+    }
+    let bounds = [dim.min, dim.max].map(|bound| {
+        let short = shortened(bound);
+        if (short <= value) == (bound <= value) && (short >= value) == (bound >= value) { short } else { bound }
+    });
+    let bounds = Item::Value(Value::Array(bounds.into_iter().collect()));
+    let keys: Vec<(String, Item)> = entry.iter().map(|(key, item)| (key.to_owned(), item.clone())).collect();
+    entry.clear();
+    for (key, item) in keys {
+        let (key, item) = if key == "relative" { ("bounds", bounds.clone()) } else { (key.as_str(), item) };
+        entry.insert(key, item);
+    }
+}
+
+/// Twelve digits, without those that a product of two decimal numbers adds.
+fn shortened(x: f64) -> f64 {
+    format!("{x:.11e}").parse().unwrap_or(x)
+}
+
 /// Writes a key of a free parameter, or removes it.
-fn write_value(document: &mut DocumentMut, name: &str, key: &str, value: Option<f64>) {
+fn write_key(document: &mut DocumentMut, name: &str, key: &str, value: Option<Value>) {
     let Some(parameter) = document["parameters"].get_mut(name) else { return };
     if let Some(parameter) = parameter.as_table_like_mut() {
         match value {

@@ -1,5 +1,6 @@
 //! `add`: writes effects, and values of the model, into its file as free parameters.
 
+use super::patterns::stands_for;
 use crate::experiment::Source;
 use crate::scales::RobotScales;
 use crate::suggest::suggestion;
@@ -194,7 +195,7 @@ pub(crate) fn add_scaled(source: &Source, scales: &RobotScales, additions: &[Add
 fn write_value(document: &mut DocumentMut, target: &Target, bounds: ValueBounds) -> Result<(), AddError> {
     let parameters = document.entry("parameters").or_insert_with(|| Item::Table(Table::new()));
     let Some(parameters) = parameters.as_table_like_mut() else { return Ok(()) };
-    if parameters.contains_key(target.name()) {
+    if parameters.iter().any(|(key, entry)| key == target.name() || stands_for(key, entry, target.name())) {
         return Err(AddError::Twice { name: target.name().to_owned() });
     }
     let mut entry = InlineTable::new();

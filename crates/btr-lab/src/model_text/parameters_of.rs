@@ -1,5 +1,6 @@
 //! A model's text with the free parameters that another model has beyond it.
 
+use super::patterns::stands_for;
 use toml_edit::{DocumentMut, Item, Table, TomlError};
 
 /// The text with the entries of `[parameters]` that only `other` has, without what earlier logs leave of them (`sd`):
@@ -13,7 +14,7 @@ pub(crate) fn with_parameters_of(text: &str, other: &str) -> Result<String, Toml
     let parameters = document.entry("parameters").or_insert_with(|| Item::Table(Table::new()));
     let Some(parameters) = parameters.as_table_like_mut() else { return Ok(text.to_owned()) };
     for (name, entry) in others.iter() {
-        if parameters.contains_key(name) {
+        if parameters.iter().any(|(key, entry)| key == name || stands_for(key, entry, name)) {
             continue;
         }
         let mut entry = entry.clone();

@@ -5,6 +5,7 @@ use super::gains::rounded;
 use super::text::{Writer, key, number};
 use super::words::Kind;
 use crate::experiment::ActuatorSection;
+use crate::model_text::GAINS_GUESS;
 use btr_physics::robot::{Base, Joint, JointKind};
 
 /// Links lighter than this share of the robot have no free mass.
@@ -38,9 +39,7 @@ impl Writer<'_> {
         let (torques, follows) = (self.columns.has(Kind::TorqueCommand), self.columns.lead_without_commands());
         let unknown = |facts: &JointFacts| facts.actuator.is_none() && !torques && !follows;
         if self.joints().iter().any(|(_, _, facts)| unknown(facts)) {
-            self.line(
-                "# Guessed gains: remove the lines of those that you have filled in, as a free kd passes for friction.",
-            );
+            self.line(GAINS_GUESS);
         }
         for (_, joint, facts) in self.joints() {
             match &facts.actuator {

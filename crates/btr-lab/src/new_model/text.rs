@@ -6,6 +6,7 @@ use super::gains::guessed;
 use super::words::Kind;
 use crate::experiment::ActuatorSection;
 use crate::failure::Failure;
+use crate::model_text::SERVO_GUESS;
 use btr_core::text::{Text, Verb};
 use btr_physics::robot::urdf::parse_urdf;
 use btr_physics::robot::{Base, Joint, Robot};
@@ -168,7 +169,7 @@ impl Writer<'_> {
         let (kp, kd) = guessed(&self.built, link, facts.torque_limit);
         let gains = format!("kind = \"position\", kp = {}, kd = {}", number(kp), number(kd));
         let effort = if facts.torque_limit.is_some() { "; max_torque is the URDF's effort" } else { "" };
-        (bounded(&gains, facts), format!("  # FILL IN kp and kd: a GUESS{effort}"))
+        (bounded(&gains, facts), format!("  # {SERVO_GUESS}{effort}"))
     }
 
     fn effects(&mut self) {

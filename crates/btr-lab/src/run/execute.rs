@@ -212,10 +212,9 @@ fn finish(
 /// A model file that cannot be written with these values.
 pub fn adapted(experiment: &Experiment, run: &Run) -> Result<String, Failure> {
     let (model, state) = (&experiment.model, run.state());
-    let simulation = SpacePoint { space: model.simulations(), point: state.simulation() };
     let best = state.best_tested();
     let best = best.map(|best| SpacePoint { space: model.controllers(), point: &best.trial.controller });
-    let text = model_text::adapted_with_drive(experiment.source(), simulation, best, run.folder());
+    let text = model_text::adapted_with_drive(experiment.source(), model, state.simulation(), best, run.folder());
     text.map_err(|e| Failure::new("output", e.to_string(), None))
 }
 

@@ -74,7 +74,7 @@ impl VerbInput {
         let added = added.map(|k| (parameters[k].name.as_str(), parameters[k].value(fit.u[k])));
         let sd = |name: &str| self.earlier_sd(name).filter(|_| *is_explained);
         let free = self.values(fit).map(|(name, value)| FittedValue { name, value, sd: sd(name) });
-        let text = adapted(&source, free.chain(added.map(FittedValue::from)), into)?;
+        let text = adapted(&source, problem.model(), free.chain(added.map(FittedValue::from)), into)?;
         let setup = &problem.model().setup;
         Ok(if *step == TimeStep::USUAL { text } else { in_finer_steps(&text, setup, step.divides_by())? })
     }
@@ -110,6 +110,7 @@ pub fn diagnose(
     let mut objective = Objective::new(residual_model).stopping_when(stop_signal);
     let diagnosis = btr_identify::diagnose::diagnose(&mut objective, options, on_step)?;
     let glitches = input.in_files(&diagnosis.glitches);
+    let is_at_bound = |name: &str| diagnosis.at_bound.iter().any(|other| other == name);
     let report = DiagnoseReport {
         ok: true,
         verdict: diagnosis.verdict,
@@ -138,6 +139,7 @@ pub fn diagnose(
         frozen: input.frozen.clone(),
         with_prior: input.with_prior(),
         at_bound: diagnosis.at_bound.clone(),
+        without_effect: input.idle_effects(input.values(&diagnosis.fit), is_at_bound),
         cut_short: diagnosis.cut_short,
         rollouts: diagnosis.rollouts,
         seconds: began.elapsed().as_secs_f64(),

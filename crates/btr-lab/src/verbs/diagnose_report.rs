@@ -212,6 +212,9 @@ pub struct DiagnoseReport {
     pub with_prior: Vec<String>,
     /// Free parameters that ended at a bound: the bounds may cause the remaining error.
     pub at_bound: Vec<String>,
+    /// Effects of the model, as `effect@site`, whose fitted values are those at which they do nothing.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub without_effect: Vec<String>,
     /// Whether the diagnosis was stopped before it had finished: this is the best so far.
     pub cut_short: bool,
     /// Number of simulated logs.

@@ -33,6 +33,9 @@ pub struct FitReport {
     pub degree: Degree,
     /// What is left in each channel, on held-out logs if there are any.
     pub remaining: Vec<RemainingError>,
+    /// Effects of the model, as `effect@site`, whose fitted values are those at which they do nothing.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub without_effect: Vec<String>,
     /// Combinations that are not identifiable from these logs.
     pub null_directions: Vec<NullDirection>,
     /// What logs and priors leave of all free parameters together, for draws of them.
@@ -96,6 +99,8 @@ pub fn fit(
     };
     let fitted = fitted_from(&mut objective, &start, on_step)?;
     let glitches = input.in_files(&fitted.glitches);
+    let is_at_bound = |name: &str| fitted.parameters.iter().any(|estimate| estimate.at_bound && estimate.name == name);
+    let without_effect = input.idle_effects(input.values(&fitted.fit), is_at_bound);
     let report = FitReport {
         ok: true,
         cost: fitted.fit.cost,
@@ -104,6 +109,7 @@ pub fn fit(
         held_out: fitted.held_out,
         degree: fitted.degree,
         remaining: fitted.left,
+        without_effect,
         null_directions: fitted.null_directions,
         posterior: fitted.posterior,
         error_ladder: fitted.ladder,
@@ -141,7 +147,7 @@ impl VerbInput {
     ) -> Result<String, TomlError> {
         let sd = |name: &str| report.parameters.iter().find(|estimate| estimate.name == name)?.prior_sd;
         let values = self.values(fit).map(|(name, value)| FittedValue { name, value, sd: sd(name) });
-        let text = adapted(&self.source, values, into)?;
+        let text = adapted(&self.source, self.problem.model(), values, into)?;
         let possible = report.base_parameters.as_ref().and_then(|base| base.possible.as_ref());
         let text = possible.map_or_else(|| Ok(text.clone()), |possible| possible.written_into(&text))?;
         let setup = &self.problem.model().setup;

@@ -2,10 +2,11 @@
 //! `damping@JOINT`, `friction@JOINT`, `kp@JOINT`, `ground_friction`, `EFFECT.PARAM@SITE` (with a user's law as well:
 //! `formula.PARAM@SITE`, the site as its effect has it).
 //!
-//! A site may be a comma-separated list and contain `*`; one value then holds for all matches. The value of an effect
-//! at one of several joints that the model places it at is that joint's own; the others keep theirs. `SITE#2` is a
-//! second instance of the same effect there.
+//! A site may be a comma-separated list and contain `*`; one value then holds for all matches, or each match gets a
+//! target of its own ([`Target::each`]). The value of an effect at one of several joints that the model places it at is
+//! that joint's own; the others keep theirs. `SITE#2` is a second instance of the same effect there.
 
+mod each;
 mod error;
 mod quantity;
 
@@ -58,6 +59,11 @@ impl Target {
         }
     }
 
+    /// Whether it is a parameter of a user's law.
+    pub fn is_of_formula(&self) -> bool {
+        matches!(self.quantity, Quantity::Formula)
+    }
+
     /// Whether it changes the masses and inertias of links, and nothing else.
     pub fn is_inertial(&self) -> bool {
         match self.quantity {
@@ -70,6 +76,11 @@ impl Target {
     /// The links at its site; for quantities of joints, the links that these carry.
     pub fn links(&self) -> &[usize] {
         &self.links
+    }
+
+    /// All sites that its quantity may have: links, or the links that joints carry, with their names.
+    pub fn sites<'r>(&self, robot: &'r Robot) -> Vec<(usize, &'r str)> {
+        self.quantity.sites(robot).unwrap_or_default()
     }
 
     /// SI unit as text.
@@ -183,7 +194,7 @@ impl Target {
             placed.push(PlacedEffect::off(effect, self.site.clone()));
             return placed.len() - 1;
         };
-        let all = self.quantity.sites(robot).unwrap_or_default();
+        let all = self.sites(robot);
         let names = all.into_iter().map(|(_, name)| name);
         let others: Vec<&str> =
             names.filter(|name| matches(&placed[index].site, name) && !matches(&self.site, name)).collect();
@@ -200,7 +211,7 @@ impl Target {
     fn covering(&self, effect: &dyn Effect, robot: &Robot, placed: &[PlacedEffect]) -> Option<usize> {
         let exactly = placed.iter().position(|p| self.is_at(effect, p));
         let here = |p: &PlacedEffect, link: &usize| {
-            let all = self.quantity.sites(robot).unwrap_or_default();
+            let all = self.sites(robot);
             all.iter().any(|(index, name)| index == link && matches(&p.site, name))
         };
         let covers = |p: &PlacedEffect| {

@@ -20,6 +20,11 @@ pub fn numbered(sites: &str, number: usize) -> String {
     if number > 1 { format!("{sites}#{number}") } else { sites.to_owned() }
 }
 
+/// Whether a site may stand for several: a list, or a name with `*`.
+pub fn is_pattern(site: &str) -> bool {
+    site.contains([',', '*'])
+}
+
 /// Whether a whole name matches a pattern in which `*` matches any run of characters; nothing else has a meaning.
 pub fn is_like(pattern: &str, name: &str) -> bool {
     glob(pattern.as_bytes(), name.as_bytes())

@@ -7,7 +7,7 @@ use crate::base_parameters;
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::table::{Table, maybe, number};
-use crate::text::{integrator, interval, what_remains};
+use crate::text::{integrator, interval, removable, what_remains};
 use btr_core::space::Dim;
 use btr_identify::fit::{Estimate, FitStop};
 use btr_lab::verbs::{BaseReport, ErrorUnit, FitReport};
@@ -15,6 +15,7 @@ use btr_lab::verbs::{BaseReport, ErrorUnit, FitReport};
 /// The page of `btr fit`; `u` is the fitted point of the free parameters.
 pub fn fit(subject: &Subject, found: &FitReport, u: &[f64]) -> String {
     let mut blocks = vec![Block::Lead(sentence(found)), subject.input_block()];
+    blocks.extend(removable(&found.without_effect).map(|sentence| Block::Text(sentence + ".")));
     blocks.extend(subject.reserve());
     let lead = Section { title: "Result".to_owned(), blocks };
     let mut ladder = fall(&found.error_ladder, ErrorUnit::of(&found.noise_floor));

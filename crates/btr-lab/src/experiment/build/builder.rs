@@ -44,16 +44,16 @@ impl Builder<'_> {
         let setup = self.setup(&robot, &situations.logs)?;
         self.check_durations(&robot, &setup, &situations.scenarios)?;
         let effects = self.effects(&self.file.effects, "effects", &robot)?;
-        let (targets, simulations) = self.parameters(&robot, &effects, &setup)?;
+        let (free, simulations) = self.parameters(&robot, &effects, &setup)?;
         let drive = self.drive(&robot)?;
         Ok(Model {
             fitness: self.fitness(&robot)?,
             robot,
             effects,
             setup,
-            targets,
+            targets: free.targets,
             simulations,
-            prior_sds: self.file.parameters.values().map(|section| section.sd).collect(),
+            prior_sds: free.prior_sds,
             drive,
             scenarios: situations.scenarios,
             learn: situations.learn,

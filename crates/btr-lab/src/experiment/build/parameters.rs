@@ -6,10 +6,18 @@ use crate::experiment::source::FileError;
 use btr_core::space::{Dim, Space, SpaceError};
 use btr_core::text::Text;
 use btr_physics::effects::PlacedEffect;
-use btr_physics::model::parameter::Target;
+use btr_physics::model::parameter::{ParameterError, Target};
 use btr_physics::model::task::{Fitness, FitnessTerm, TERMS};
 use btr_physics::robot::{Base, Robot};
 use btr_physics::setup::Setup;
+
+/// The free parameters of a model, in their order.
+#[derive(Default)]
+pub(super) struct FreeParameters {
+    pub(super) targets: Vec<Target>,
+    pub(super) dims: Vec<Dim>,
+    pub(super) prior_sds: Vec<Option<f64>>,
+}
 
 impl Builder<'_> {
     pub(super) fn parameters(
@@ -17,21 +25,50 @@ impl Builder<'_> {
         robot: &Robot,
         effects: &[PlacedEffect],
         setup: &Setup,
-    ) -> Result<(Vec<Target>, Space), FileError> {
-        let (mut targets, mut dims) = (Vec::new(), Vec::new());
+    ) -> Result<(FreeParameters, Space), FileError> {
+        let mut free = FreeParameters::default();
         for (name, section) in &self.file.parameters {
             let keys = ["parameters", name.as_str()];
-            let target = Target::parse(name, robot).map_err(|e| self.error(&keys, e, None))?;
-            target.check_formula(effects).map_err(|e| self.error(&keys, e, None))?;
-            let model_value = target.nominal(robot, effects, setup);
-            let dim = dim(section, &target, model_value).map_err(|message| self.error(&keys, message, None))?;
             check_sd(section).map_err(|message| self.error(&["parameters", name, "sd"], message, None))?;
-            Space::new(vec![dim.clone()]).map_err(|e| self.error(&keys, &e, bounds_help(&e)))?;
-            dims.push(dim);
-            targets.push(target);
+            for target in self.targets(name, section, robot, effects, setup)? {
+                let model_value = target.nominal(robot, effects, setup);
+                let dim = dim(section, &target, model_value).map_err(|message| self.error(&keys, message, None))?;
+                Space::new(vec![dim.clone()]).map_err(|e| self.error(&keys, &e, bounds_help(&e)))?;
+                free.dims.push(dim);
+                free.targets.push(target);
+                free.prior_sds.push(section.sd);
+            }
         }
-        let space = Space::new(dims).map_err(|e| self.error(&["parameters"], e, None))?;
-        Ok((targets, space))
+        let space = Space::new(free.dims.clone()).map_err(|e| self.error(&["parameters"], e, None))?;
+        Ok((free, space))
+    }
+
+    /// What an entry stands for: one target, or one for each site that its pattern matches and that has no entry of its
+    /// own.
+    fn targets(
+        &self,
+        name: &str,
+        section: &ParameterSection,
+        robot: &Robot,
+        effects: &[PlacedEffect],
+        setup: &Setup,
+    ) -> Result<Vec<Target>, FileError> {
+        let invalid = |e: ParameterError| self.error(&["parameters", name], e, None);
+        let each = Target::each(name, robot).map_err(invalid)?;
+        if section.shared || each.iter().any(|target| is_value_of_one_effect(target, name, section, effects)) {
+            let one = Target::parse(name, robot).map_err(invalid)?;
+            one.check_formula(effects).map_err(invalid)?;
+            return Ok(vec![one]);
+        }
+        let is_left = |target: &Target| target.name() == name || !self.file.parameters.contains_key(target.name());
+        let left: Vec<Target> = each.into_iter().filter(is_left).collect();
+        let is_bounded = |target: &&Target| {
+            let reference = target.nominal(robot, effects, setup);
+            section.relative.is_none() || reference.is_some_and(|value| value.is_finite() && value != 0.0)
+        };
+        let bounded: Vec<Target> = left.iter().filter(is_bounded).cloned().collect();
+        // Where nothing has a reference, the message is about the first one.
+        Ok(if bounded.is_empty() { left } else { bounded })
     }
 
     pub(super) fn fitness(&self, robot: &Robot) -> Result<Fitness, FileError> {
@@ -63,6 +100,14 @@ fn bounds_help(error: &SpaceError) -> Option<Text> {
         SpaceError::LogBounds { .. } => Some("start above zero, or leave out scale = \"log\"".into()),
         _ => None,
     }
+}
+
+/// Whether all that a name stands for is one value of an effect: it is placed there as a whole, or will be.
+fn is_value_of_one_effect(target: &Target, name: &str, section: &ParameterSection, placed: &[PlacedEffect]) -> bool {
+    let Some((effect, _)) = target.of_effect() else { return target.is_of_formula() };
+    let site = name.split_once('@').map_or("*", |(_, site)| site);
+    let is_placed = placed.iter().any(|p| p.effect.spec().name == effect.spec().name && p.site == site);
+    section.relative.is_none() || is_placed
 }
 
 /// Rejects a standard deviation that is none, or that belongs to no value.

@@ -6,7 +6,10 @@ use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A free parameter: its bounds and its current value.
+/// A free parameter: its bounds and its current value. A name with a pattern (`kp@*`, `mass@left_*`, `kp@hip,knee`) is
+/// a free parameter of each joint or link that it matches and that has the value: it starts there, and `relative` is
+/// relative to it. A joint with an entry of its own keeps that one. An effect's parameter (`command_delay.delay@*`) is
+/// one value for all, as its effect is, unless it is `relative` to values that the model states for single joints.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterSection {
@@ -14,6 +17,9 @@ pub struct ParameterSection {
     pub bounds: Option<[f64; 2]>,
     /// Bounds as factors of the model's value, instead of `bounds`.
     pub relative: Option<[f64; 2]>,
+    /// With a pattern: one value for all that it matches, as for servos of the same kind.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub shared: bool,
     /// Scale of the search: linear or logarithmic.
     #[serde(default)]
     pub scale: ScaleName,

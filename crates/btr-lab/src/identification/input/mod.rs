@@ -3,6 +3,7 @@
 mod floors;
 mod freeze;
 mod glitches;
+mod idle;
 mod start;
 
 pub use floors::{ErrorUnit, NoiseFloor};
