@@ -1,32 +1,31 @@
 //! The report of `btr diagnose`.
 
-use super::ladder::{After, ShownLogs, axis, fall, fine_print, least, pair, training_and_held_out};
+use super::candidates::{base, candidates};
+use super::ladder::{After, fall, fine_print};
 use super::page::{Block, Report, Section};
 use crate::Subject;
-use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
 use crate::text::{
-    CORRECTED, ESTIMATES, corrected, estimate, evidence, findings, fit_command, integrator, probability, remedy,
-    stand_in, what_remains,
+    CORRECTED, ESTIMATES, at_bounds, corrected, estimate, evidence, findings, fit_command, integrator, probability,
+    remedy, removable, stand_in, what_remains,
 };
 use btr_core::log::Log;
 use btr_identify::LadderStep;
-use btr_identify::diagnose::{RankedCandidate, Verdict};
+use btr_identify::diagnose::Verdict;
 use btr_identify::fit::{Degree, Estimate};
 use btr_lab::verbs::{DiagnoseReport, EffectReport, ErrorUnit, LawReport, NextExperiment, Support, ValueReport};
 use btr_physics::effects;
 
-/// Number of candidates drawn per round, the best first.
-const CANDIDATES_SHOWN: usize = 12;
-
 /// The page of `btr diagnose`; `u` is the fitted point of the free parameters.
 pub fn diagnose(subject: &Subject, found: &DiagnoseReport, u: &[f64]) -> String {
     let mut lead = vec![Block::Lead(sentence(found)), subject.input_block()];
-    if !found.at_bound.is_empty() {
-        let names = found.at_bound.join(", ");
+    let at_bounds = at_bounds(found);
+    if !at_bounds.is_empty() {
+        let names = at_bounds.join(", ");
         lead.push(Block::Text(format!("At their bounds: {names}. Widen the bounds before relying on this result.")));
     }
+    lead.extend(removable(&found.without_effect).map(|sentence| Block::Text(sentence + ".")));
     lead.extend(subject.reserve());
     lead.extend(fit_command(found, subject).map(Block::Code));
     let mut sections = vec![Section { title: "Verdict".to_owned(), blocks: lead }];
@@ -167,54 +166,6 @@ fn what_is_wrong(value: &ValueReport, found: &DiagnoseReport) -> Section {
     blocks.extend(value.parameters.iter().filter_map(remedy).map(|remedy| Block::Text(format!("{remedy}."))));
     blocks.extend(withheld(value.parameters.iter().map(|value| &value.estimate), found));
     Section { title: format!("{} of {}", value.value, value.site), blocks }
-}
-
-/// The ladder step from which a round (from 0) began: the one before the effect that it added, or the last.
-fn base(ladder: &[LadderStep], round: usize) -> Option<&LadderStep> {
-    let added = ladder.iter().enumerate().filter(|(_, step)| step.step.starts_with('+')).nth(round);
-    added.map_or_else(|| ladder.last(), |(k, _)| ladder.get(k.checked_sub(1)?))
-}
-
-/// The candidates of every round.
-fn candidates(found: &DiagnoseReport) -> Section {
-    let plots: Vec<String> = found.ranking.iter().enumerate().map(|(k, round)| ranking(found, k, round)).collect();
-    let text = match plots.len() {
-        0 => "No effect was fitted: the error is already at the noise floor.",
-        _ => {
-            "Every effect at every site was screened; these were fitted, the most probable first. delta BIC is the evidence for \
-             each: the gain in likelihood minus the cost of its parameters, decisive above 10. Candidates within 10 of the best cannot \
-             be told apart from it. An effect is accepted if the held-out logs confirm it."
-        }
-    };
-    Section { title: "Candidates".to_owned(), blocks: vec![Block::Text(text.to_owned()), Block::Maps(plots)] }
-}
-
-fn ranking(found: &DiagnoseReport, k: usize, round: &[RankedCandidate]) -> String {
-    let shown = ShownLogs::of(round.iter().map(|ranked| ranked.held_out));
-    let before = base(&found.error_ladder, k).map(|step| step.train);
-    let effects = found.effects.iter().flat_map(EffectReport::names);
-    let values = found.wrong_values.iter().map(|value| format!("{}@{}", value.value, value.site));
-    let names: Vec<String> = effects.chain(values).collect();
-    let row = |ranked: &RankedCandidate| {
-        let stem = before.map(|before| Pin::Stem(Ink::Truth, before, ranked.train));
-        Row {
-            name: ranked.name.clone(),
-            pins: stem.into_iter().chain(training_and_held_out(ranked.train, ranked.held_out)).collect(),
-            note: format!("{}, {}", pair(ranked.train, ranked.held_out), number(ranked.delta_bic)),
-            strong: names.contains(&ranked.name),
-        }
-    };
-    let without = before.map(|before| (Ink::Third, before, "training logs, without any".to_owned()));
-    rows(&Rows {
-        title: format!("Round {}: the error with each candidate", k + 1),
-        label: axis(ErrorUnit::of(&found.noise_floor)),
-        notes: format!("{}, delta BIC", shown.head()),
-        scale: RowScale::Ratio,
-        lines: std::iter::once(least(ErrorUnit::of(&found.noise_floor))).chain(without).collect(),
-        legend: shown.legend(),
-        rows: round.iter().take(CANDIDATES_SHOWN).map(row).collect(),
-        joined: false,
-    })
 }
 
 fn law(law: &LawReport) -> Section {

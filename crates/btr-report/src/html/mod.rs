@@ -3,6 +3,7 @@
 //! A report is a list of sections, and a section a list of blocks. Each verb has a function that returns the whole page
 //! as text, for the command line and for Python. Above the plots it has a player, by a script; all else needs none.
 
+mod candidates;
 mod clues;
 mod compare;
 mod diagnose;

@@ -36,6 +36,8 @@ pub(crate) enum RowScale {
     Ratio,
     /// From one bound (0) to the other (1).
     Bounds,
+    /// Linear.
+    Amount,
 }
 
 /// A chart of rows.
@@ -104,6 +106,7 @@ impl RowFrame {
         let axis = match of.scale {
             RowScale::Ratio => Axis::over(values.chain(LEAST_RATIO).filter(|x| *x > 0.0).map(f64::log10), 6, 0.03),
             RowScale::Bounds => Axis::over([0.0, 1.0].into_iter(), 4, 0.03),
+            RowScale::Amount => Axis::over(values.chain([0.0]), 6, 0.03),
         };
         let legend = of.legend.iter().map(|(_, name)| name).chain(of.lines.iter().map(|(.., name)| name));
         let legend = left + legend.map(|name| entry_width(name)).sum::<f64>();
@@ -115,7 +118,7 @@ impl RowFrame {
     fn at(&self, x: f64) -> Option<f64> {
         let place = match self.scale {
             RowScale::Ratio => x.log10(),
-            RowScale::Bounds => x,
+            RowScale::Bounds | RowScale::Amount => x,
         };
         place.is_finite().then(|| self.left + SCALE * self.axis.share(place).clamp(0.0, 1.0))
     }
@@ -147,6 +150,7 @@ impl RowFrame {
     fn grid(&self, out: &mut String) {
         let ticks = match self.scale {
             RowScale::Ratio => decades(&self.axis),
+            RowScale::Amount => self.axis.ticks(),
             RowScale::Bounds => [(0.0, "lower bound"), (0.5, "middle"), (1.0, "upper bound")]
                 .map(|(x, name)| (x, name.to_owned()))
                 .to_vec(),
