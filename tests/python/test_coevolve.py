@@ -86,10 +86,10 @@ def test_the_missing_effect_is_named(disengaged: btr.CoevolveResult) -> None:
 def test_a_notebook_shows_the_figures_that_there_are(disengaged: btr.CoevolveResult, tmp_path: Path) -> None:
     shown = disengaged._repr_html_()
     figures = [base64.b64decode(data) for data in re.findall(r'src="data:image/svg\+xml;base64,([^"]*)"', shown)]
-    assert figures == [(disengaged.folder / name).read_bytes() for name in ("figure3.svg", "figure5.svg")]
+    assert figures == [(disengaged.folder / name).read_bytes() for name in ("progress.svg", "following.svg")]
     assert all(figure.startswith(b"<svg ") for figure in figures)
     assert "stopped: disengaged" in shown and shown.count("<tr>") == 1 + len(disengaged.iterations)
-    (tmp_path / "figure5.svg").write_bytes(figures[1])
+    (tmp_path / "following.svg").write_bytes(figures[1])
     html = btr.CoevolveResult(disengaged.document, tmp_path)._repr_html_()
     assert html.count("<img") == 1 and "before and after" in html
     assert "<img" not in btr.CoevolveResult(disengaged.document, tmp_path / "gone")._repr_html_()
@@ -106,7 +106,7 @@ def test_a_run_draws_itself(disengaged: btr.CoevolveResult) -> None:
     run.document["augmentations"] = [
         {"after_iteration": 1, "real_tests": 2, "parameters": ["coulomb_friction.torque@hinge"]}
     ]
-    phi, fitness = run.plot()
+    phi, fitness = run.plot().axes
     found, predicted, grown = phi.lines
     assert list(found.get_ydata()) == [iteration["phi"] for iteration in run.iterations] and phi.get_yscale() == "log"
     assert list(predicted.get_ydata()) == [iteration["phi_predicted"] for iteration in run.iterations]
@@ -116,11 +116,11 @@ def test_a_run_draws_itself(disengaged: btr.CoevolveResult) -> None:
     assert list(predicted.get_ydata()) == [iteration["fitness_sim"] for iteration in run.iterations]
     assert np.isnan(real.get_ydata()[1]) and np.isfinite(real.get_ydata()[0])
     assert [text.get_text() for text in fitness.get_legend().get_texts()][:2] == ["predicted", "real"]
-    pair = pyplot.subplots(1, 2)[1]
-    assert disengaged.plot(ax=pair) == list(pair)
+    figure, pair = pyplot.subplots(1, 2)
+    assert disengaged.plot(ax=pair) is figure
     for iteration in run.iterations:
         iteration["fitness_sim"] = iteration["fitness_real"] = None
-    assert len(run.plot()) == 1
+    assert len(run.plot().axes) == 1
     pyplot.close("all")
 
 

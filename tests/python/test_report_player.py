@@ -41,6 +41,8 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for verb, arguments in verbs.items():
         command = [BTR, verb, str(ROBOTS / "arm.toml"), *arguments, "--report", f"{verb}.html", "-q"]
         subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    run = [BTR, "coevolve", str(ROBOTS / "pendulum.toml"), "--out", "run", "-q"]
+    subprocess.run(run, cwd=folder, check=True, stdout=subprocess.DEVNULL)
     return folder
 
 
@@ -217,3 +219,23 @@ def test_the_robot_is_where_mujoco_has_it(chromium: "playwright.Browser", tmp_pa
     for joint, (place, axis) in zip(joints, poses, strict=True):
         assert data.xanchor[joint.id] == pytest.approx(place, abs=1e-5)
         assert data.xaxis[joint.id] == pytest.approx(axis, abs=1e-5)
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_run_plays_its_best_real_test_before_and_after(
+    width: int, chromium: "playwright.Browser", reports: Path
+) -> None:
+    page = opened(chromium, reports / "run" / "report.html", width)
+    errors = page.locator(".joints b").all_inner_texts
+    assert float(errors()[0]) > 32
+    page.get_by_text("after", exact=True).first.click()
+    until(lambda: float(errors()[0]) < 5)
+    # Each plot of positions and of differences over time has its line.
+    assert page.locator(".cursor:not(.off)").count() == 4
+    assert page.locator("h2").all_inner_texts() == [
+        "Result", "Motion", "Progress", "Real tests", "Parameters", "Following"
+    ]
+    edges = "elements => elements.map(element => element.getBoundingClientRect().right)"
+    assert max(page.locator("svg, .scroll, p, canvas").evaluate_all(edges)) <= width
+    assert page.failures == []
+    page.close()

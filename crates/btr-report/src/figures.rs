@@ -1,6 +1,9 @@
-//! Output files of a run: the paper's figures 3 and 5 as SVG, and logs as MCAP for robot viewers.
+//! Output files of a run: figures as SVG, its page, and logs as MCAP for robot viewers.
 
-use crate::plot::paper::{Figure3, GenerationTrace, Individual, Parameter, Tracking, figure3, figure5};
+use crate::best_test::BestTest;
+use crate::html;
+use crate::plot::figure;
+use crate::plot::paper::{GenerationTrace, Individual, Parameter, RunProgress, Tracking, following, progress};
 use btr_core::coevolve;
 use btr_core::coevolve::Side;
 use btr_core::log::{Log, interpolate};
@@ -14,32 +17,32 @@ use btr_lab::run::report::RunReport;
 use btr_physics::robot::urdf;
 use std::path::PathBuf;
 
-/// Number of joints in figure 5, as in the paper.
+/// Number of joints whose following is drawn, as in the paper.
 const JOINTS: usize = 3;
 
-/// Writes figures and logs into the run's folder. Returns their paths.
+/// Writes figures, the page and logs into the run's folder. Returns their paths.
 ///
 /// # Errors
 /// A file that cannot be written; a simulation that diverges.
 pub fn write(experiment: &Experiment, run: &Run, report: &RunReport) -> Result<Vec<PathBuf>, Failure> {
     let mut files = Vec::new();
-    if report.generations.iter().any(|g| g.side == Side::Simulators) {
-        files.push(run.write("figure3.svg", figure3(&history(experiment, report)).as_bytes())?);
+    let panels = searches(experiment, report).map(|searches| progress(&searches)).unwrap_or_default();
+    if !panels.is_empty() {
+        files.push(run.write("progress.svg", figure(&panels, 2).as_bytes())?);
     }
-    let Some((trial, real)) = run.state().best_tested().and_then(|e| Some((&e.trial, &e.behaviour()?.log))) else {
-        return Ok(files);
-    };
-    let simulate = |s: &[f64]| {
-        experiment.model.simulate(experiment.model.request(s, trial.scenario).controller(&trial.controller))
-    };
-    let (before, after) = (simulate(run.state().start())?, simulate(run.state().simulation())?);
-    let joints = tracking(real, &before, &after);
+    let best = BestTest::of(experiment, run)?;
+    let joints = best.as_ref().map(|best| following(&tracking(best.real, &best.before, &best.after)));
+    let joints = joints.unwrap_or_default();
     if !joints.is_empty() {
-        files.push(run.write("figure5.svg", figure5(&joints).as_bytes())?);
+        files.push(run.write("following.svg", figure(&joints, 2).as_bytes())?);
     }
-    let meta = meta(experiment, run)?;
-    for (name, log) in [("real", real), ("simulated_before", &before), ("simulated_after", &after)] {
-        files.push(run.write_log(&format!("{name}.mcap"), log, &meta)?);
+    let page = html::run(experiment, report, best.as_ref(), (&panels, &joints));
+    files.push(run.write("report.html", page.as_bytes())?);
+    if let Some(best) = &best {
+        let meta = meta(experiment, run)?;
+        for (name, log) in [("real", best.real), ("simulated_before", &best.before), ("simulated_after", &best.after)] {
+            files.push(run.write_log(&format!("{name}.mcap"), log, &meta)?);
+        }
     }
     Ok(files)
 }
@@ -54,14 +57,16 @@ fn meta(experiment: &Experiment, run: &Run) -> Result<Meta, Failure> {
     })
 }
 
-fn history(experiment: &Experiment, report: &RunReport) -> Figure3 {
+/// The searches of a run, if simulations were searched.
+fn searches(experiment: &Experiment, report: &RunReport) -> Option<RunProgress> {
+    report.generations.iter().find(|g| g.side == Side::Simulators)?;
     let of = |side: Side| report.generations.iter().filter(move |g| g.side == side);
     let trace = |side: Side| {
         of(side).map(|g| GenerationTrace { iteration: g.iteration, best: g.best, mean: g.mean }).collect::<Vec<_>>()
     };
     let truth = report.revealed.as_ref().map(|r| &r.truth.parameters);
     let dims = experiment.model.simulations().dims().iter();
-    Figure3 {
+    Some(RunProgress {
         fitness: trace(Side::Controllers),
         fitness_label: "fitness".to_owned(),
         phi: trace(Side::Simulators),
@@ -76,7 +81,7 @@ fn history(experiment: &Experiment, report: &RunReport) -> Figure3 {
             .collect(),
         drawn: experiment.plan.posterior.is_some(),
         individuals: of(Side::Simulators).enumerate().flat_map(|(k, g)| individuals(k, g)).collect(),
-    }
+    })
 }
 
 /// The 95 % intervals of a parameter, each at the last generation of its iteration.

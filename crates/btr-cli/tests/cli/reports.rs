@@ -101,6 +101,15 @@ fn diagnose_says_what_is_missing_and_shows_why() {
 }
 
 #[test]
+fn diagnose_draws_the_evidence_that_candidates_lack() {
+    let html = report(&lab(FRICTION), "diagnose", "");
+    shows(&html, &["Round 1: the evidence behind that for the best<", "none of them<", "difference of delta BIC<"]);
+    let chart = html.split("Round 1: the evidence behind").nth(1).unwrap();
+    let notes = chart.split("behind the best<").next().unwrap();
+    assert!(notes.contains("coulomb_friction@hinge<") && notes.contains("(off the scale)<"), "{notes}");
+}
+
+#[test]
 fn diagnose_says_that_nothing_is_missing() {
     let html = report(&lab(NONE), "diagnose", "");
     shows(&html, &["Nothing is missing: the error on the held-out logs is", "No effect was fitted"]);
@@ -132,7 +141,8 @@ fn a_run_ends_with_where_its_files_are_and_a_fitted_model_says_what_holds_in_it(
     let told = lab.ok(&format!("{fit} -o fitted.toml --report fit.html"));
     assert!(told.ends_with("\nfitted.toml: the fitted model\n\nfit.html: the report\n"), "{told}");
     let fitted = lab.read("fitted.toml");
-    let wins = "# As fitted: these values win over those under [robot] and [actuators].\n[parameters]\n";
+    let wins = "# As fitted: a value here wins over the same one in another section, and is where the next fit begins.\n\
+                [parameters]\n";
     assert!(fitted.starts_with("name = \"swing\"\n") && fitted.contains(wins), "{fitted}");
     lab.ok("fit fitted.toml log.csv -o again.toml");
     assert_eq!(lab.read("again.toml").matches("As fitted").count(), 1);
@@ -151,6 +161,22 @@ fn the_player_has_the_states_of_the_model_that_a_verb_knows() {
     assert_eq!(states(&fitted), r#"["as it stands","fitted"]"#);
     let found = report(&with_friction, "diagnose", "");
     assert_eq!(states(&found), r#"["as it stands","fitted, with coulomb_friction on hinge"]"#);
+}
+
+#[test]
+fn a_run_has_a_page_with_its_tests_its_parameters_and_its_best_test_before_and_after() {
+    let lab = Lab::new();
+    let run = lab.json("coevolve small.toml --out run");
+    let html = lab.read("run/report.html");
+    shows(
+        &html,
+        &["Distance to reality<", "mass@bob<", "hinge, real − simulated after<", "error % at first<", "f promised<"],
+    );
+    assert_eq!(html.matches("<td>done</td>").count(), run["real_tests"].as_u64().unwrap() as usize);
+    let (_, scripts) = taken_apart(&html);
+    assert!(scripts[0].contains(r#""states":["before","after"]"#) && scripts[0].contains(r#""name":"real test "#));
+    let files = run["files"].as_array().unwrap();
+    assert!(files.iter().any(|file| file.as_str().unwrap().ends_with("report.html")), "{files:?}");
 }
 
 #[test]

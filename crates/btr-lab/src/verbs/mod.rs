@@ -21,7 +21,7 @@ pub use crate::log_quality::repeats::{Drift, RepeatReport, RepeatedChannel, Repe
 pub use crate::model_text::{AddError, Addition, OwnLaw, OwnNumber, add, add_law};
 pub use base_parameters::{BaseReport, PossibleBody, PossibleReport, base_parameters};
 pub use check::{CheckReport, DeadTimeReport, IdentifiabilityReport, check};
-pub use compare::{Cause, CauseKind, CompareReport, CompareVerdict, JointVerdict, compare};
+pub use compare::{Cause, CauseKind, CompareReport, CompareVerdict, JointVerdict, compare, compare_pairs};
 pub use diagnose::diagnose;
 pub use diagnose_report::{CorrectedValue, DiagnoseReport, EffectReport, EffectSite, LawReport, Support, ValueReport};
 pub use effects::{effects, named, site};

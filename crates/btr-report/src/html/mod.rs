@@ -12,11 +12,13 @@ mod joints;
 mod ladder;
 mod page;
 mod player;
+mod run;
 mod views;
 
 pub use compare::compare;
 pub use diagnose::diagnose;
 pub use fit::fit;
+pub(crate) use run::run;
 
 use btr_io::IoError;
 use std::io::Write;

@@ -1,7 +1,7 @@
-//! The paper's figures 3 and 5 (Zagal, Delpiano and Ruiz-del-Solar 2009), drawn from a run's history.
+//! A run as figures 3 and 5 of the paper show it (Zagal, Delpiano and Ruiz-del-Solar 2009): its progress, and how
+//! joints follow their references.
 
 use super::panel::{Ink, Mark, Panel, Series};
-use super::svg::figure;
 
 /// One generation of the search for controllers, or for simulations.
 #[derive(Clone, Debug)]
@@ -21,7 +21,7 @@ pub(crate) struct Individual {
     pub(crate) generation: usize,
     /// Its distance to reality.
     pub(crate) phi: f64,
-    /// Its parameters, in the order of [`Figure3::parameters`].
+    /// Its parameters, in the order of [`RunProgress::parameters`].
     pub(crate) values: Vec<f64>,
 }
 
@@ -38,9 +38,9 @@ pub(crate) struct Parameter {
     pub(crate) intervals: Vec<(usize, [f64; 2])>,
 }
 
-/// What figure 3 shows.
+/// The searches of a run.
 #[derive(Clone, Debug)]
-pub(crate) struct Figure3 {
+pub(crate) struct RunProgress {
     /// The search for controllers, generation by generation over the whole run.
     pub(crate) fitness: Vec<GenerationTrace>,
     /// What fitness is, with its unit.
@@ -60,19 +60,21 @@ pub(crate) struct Figure3 {
 /// Steps of grey between the best and the worst of a generation.
 const SHADES: usize = 8;
 
-/// Figure 3: fitness, phi, and each parameter over the generations; darker individuals have a smaller phi. The line is
-/// the best of each generation, or the posterior's mean.
-pub(crate) fn figure3(data: &Figure3) -> String {
-    let mut panels = vec![
-        progress("Fitness", &data.fitness_label, "max", &data.fitness),
-        progress("Distance to reality", &data.phi_label, "min", &data.phi),
+/// Fitness, phi, and each parameter over the generations; darker individuals have a smaller phi. The line is the best
+/// of each generation, or the posterior's mean.
+pub(crate) fn progress(data: &RunProgress) -> Vec<Panel> {
+    let searches = [
+        ("Fitness", &data.fitness_label, "max", &data.fitness),
+        ("Distance to reality", &data.phi_label, "min", &data.phi),
     ];
+    let searched = searches.into_iter().filter(|(.., generations)| !generations.is_empty());
+    let mut panels: Vec<Panel> = searched.map(|(title, label, best, of)| trace(title, label, best, of)).collect();
     let ends = ends(&data.phi);
     panels.extend((0..data.parameters.len()).map(|i| parameter(data, i, &ends)));
-    figure(&panels, 2)
+    panels
 }
 
-fn progress(title: &str, label: &str, best: &str, generations: &[GenerationTrace]) -> Panel {
+fn trace(title: &str, label: &str, best: &str, generations: &[GenerationTrace]) -> Panel {
     let curve = |value: fn(&GenerationTrace) -> f64| {
         generations.iter().enumerate().map(|(i, g)| (i as f64, value(g))).collect::<Vec<_>>()
     };
@@ -95,7 +97,7 @@ fn ends(generations: &[GenerationTrace]) -> Vec<f64> {
     pairs.filter(|(_, pair)| pair[0].iteration != pair[1].iteration).map(|(i, _)| i as f64 + 0.5).collect()
 }
 
-fn parameter(data: &Figure3, index: usize, ends: &[f64]) -> Panel {
+fn parameter(data: &RunProgress, index: usize, ends: &[f64]) -> Panel {
     let Parameter { name, unit, truth, intervals } = &data.parameters[index];
     let generations: Vec<Vec<&Individual>> = by_generation(&data.individuals);
     let mut shades: Vec<Vec<(f64, f64)>> = vec![Vec::new(); SHADES];
@@ -167,26 +169,48 @@ pub(crate) struct Tracking {
     pub(crate) after: Vec<f64>,
 }
 
-/// Figure 5: reference, reality and simulation of each joint, before the search for simulations (left) and after
-/// (right).
-pub(crate) fn figure5(joints: &[Tracking]) -> String {
-    let panel = |joint: &Tracking, when: &str, simulated: &[f64]| {
-        let curve = |values: &[f64]| joint.time_s.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
-        Panel {
-            title: format!("{}, {when}", joint.joint),
-            x_label: "time (s)".into(),
-            y_label: format!("position ({})", joint.unit),
-            series: vec![
-                Series::new("reference", Ink::Truth, Mark::Dashes, curve(&joint.reference)),
-                Series::new("real", Ink::Second, Mark::Line, curve(&joint.real)),
-                Series::new("simulated", Ink::Main, Mark::Line, curve(simulated)),
-            ],
-            show_y: joint.before.iter().chain(&joint.after).copied().collect(),
-            ..Panel::default()
-        }
+/// Reference, reality and simulation of each joint, before the search for simulations and after, in pairs; below each
+/// pair the difference of reality and simulation, which shows where curves cover each other.
+pub(crate) fn following(joints: &[Tracking]) -> Vec<Panel> {
+    let of = |joint: &Tracking| {
+        [joint.followed("before", &joint.before), joint.followed("after", &joint.after)]
+            .into_iter()
+            .chain([joint.missed("before", &joint.before), joint.missed("after", &joint.after)])
+            .collect::<Vec<_>>()
     };
-    let pairs = joints.iter().flat_map(|j| [panel(j, "before", &j.before), panel(j, "after", &j.after)]);
-    figure(&pairs.collect::<Vec<_>>(), 2)
+    joints.iter().flat_map(of).collect()
+}
+
+impl Tracking {
+    fn followed(&self, when: &str, simulated: &[f64]) -> Panel {
+        Panel {
+            series: vec![
+                Series::new("reference", Ink::Truth, Mark::Dashes, self.curve(&self.reference)),
+                Series::new("real", Ink::Second, Mark::Line, self.curve(&self.real)),
+                Series::new("simulated", Ink::Main, Mark::Line, self.curve(simulated)),
+            ],
+            show_y: self.before.iter().chain(&self.after).copied().collect(),
+            ..self.panel(&format!("{}, {when}", self.joint), "position")
+        }
+    }
+
+    fn missed(&self, when: &str, simulated: &[f64]) -> Panel {
+        let errors = |simulated: &[f64]| self.real.iter().zip(simulated).map(|(a, b)| a - b).collect::<Vec<f64>>();
+        Panel {
+            series: vec![Series::nameless(Ink::Main, Mark::Line, self.curve(&errors(simulated)))],
+            show_y: errors(&self.before).into_iter().chain(errors(&self.after)).collect(),
+            ..self.panel(&format!("{}, real − simulated {when}", self.joint), "difference")
+        }
+    }
+
+    fn panel(&self, title: &str, quantity: &str) -> Panel {
+        let (title, y_label) = (title.to_owned(), format!("{quantity} ({})", self.unit));
+        Panel { title, x_label: "time (s)".into(), y_label, over_log: Some(0), ..Panel::default() }
+    }
+
+    fn curve(&self, values: &[f64]) -> Vec<(f64, f64)> {
+        self.time_s.iter().copied().zip(values.iter().copied()).collect()
+    }
 }
 
 #[cfg(test)]
@@ -206,7 +230,7 @@ mod tests {
             vec![Parameter { name: "mass".into(), unit: "kg".into(), truth: Some(5.0), intervals: vec![] }];
         let (fitness, phi) = (Vec::new(), Vec::new());
         let (fitness_label, phi_label) = (String::new(), String::new());
-        let mut data = Figure3 { fitness, fitness_label, phi, phi_label, parameters, individuals, drawn: false };
+        let mut data = RunProgress { fitness, fitness_label, phi, phi_label, parameters, individuals, drawn: false };
         let panel = parameter(&data, 0, &[]);
         let named =
             |name: &str| panel.series.iter().find(|s| s.name.as_deref() == Some(name)).map(|s| s.points.clone());
@@ -219,6 +243,18 @@ mod tests {
         let panel = parameter(&data, 0, &[]);
         let line = panel.series.iter().find(|s| s.name.as_deref() == Some("estimate")).map(|s| s.points.clone());
         assert_eq!(line, Some(vec![(0.0, 7.0 / 3.0), (1.0, 3.0)]));
+    }
+
+    #[test]
+    fn what_curves_hide_is_drawn_below_them() {
+        let (reference, real) = (vec![0.0; 3], vec![0.0, 1.0, 0.0]);
+        let (before, after) = (vec![0.0; 3], vec![0.0, 0.999, 0.0]);
+        let (joint, unit, time_s) = ("hip".to_owned(), "rad".to_owned(), vec![0.0, 0.1, 0.2]);
+        let panels = following(&[Tracking { joint, unit, time_s, reference, real, before, after }]);
+        assert_eq!(panels.len(), 4);
+        let error = |panel: &Panel| panel.series[0].points[1].1;
+        assert!((error(&panels[2]) - 1.0).abs() < 1e-12 && (error(&panels[3]) - 0.001).abs() < 1e-12);
+        assert_eq!(panels[2].show_y, panels[3].show_y, "on one scale");
     }
 
     #[test]

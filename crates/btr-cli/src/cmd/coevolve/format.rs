@@ -1,11 +1,6 @@
 //! Formatting shared by the tables of a run.
 
-use btr_report::table::number;
-
-/// An interval, or a dash where there is none.
-pub(super) fn span(interval: Option<[f64; 2]>) -> String {
-    interval.map_or_else(|| "-".to_owned(), |[low, high]| format!("{} .. {}", number(low), number(high)))
-}
+pub(super) use btr_report::run_tables::span;
 
 /// A number of real tests in words.
 pub(super) fn tests(count: usize) -> String {

@@ -3,17 +3,14 @@
 use super::format::{span, tests};
 use btr_core::coevolve::{Change, Iteration, Promise};
 use btr_lab::run::report::RunReport;
+use btr_report::run_tables::parameters;
 use btr_report::table::{Table, maybe, number};
 
 /// The posterior of the parameters of S, and which of them the tests identify.
 pub(super) fn show_posterior(report: &RunReport) {
     let Some(estimate) = report.iterations.last().and_then(|last| last.posterior.as_ref()) else { return };
     if report.revealed.is_none() {
-        let mut table = Table::new(&["parameter", "estimate", "95 %"]);
-        for (name, belief) in &estimate.parameters {
-            table.row(vec![name.clone(), number(belief.value), span(belief.ci95)]);
-        }
-        println!("\n{}", table.render());
+        parameters(report).into_iter().for_each(|table| println!("\n{}", table.render()));
     }
     if estimate.parameters.values().all(|belief| belief.ci95.is_none()) {
         println!("the estimates do not explain the tests: do not use them");

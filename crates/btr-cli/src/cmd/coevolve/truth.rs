@@ -1,26 +1,13 @@
 //! Comparisons with known truth: a hidden twin, recorded logs, and the estimates of each distance.
 
-use super::format::span;
 use btr_lab::run::report;
 use btr_lab::run::report::{ByDistance, RunReport, TwinComparison};
+use btr_report::run_tables::parameters;
 use btr_report::table::{Table, maybe, number};
 
 pub(super) fn show_revealed(report: &RunReport, revealed: &TwinComparison) {
-    let Some(last) = report.iterations.last() else { return };
-    println!("\nthe hidden twin");
-    let intervals: &[&str] = if last.posterior.is_some() { &["95 %"] } else { &[] };
-    let (before, after) = (["parameter", "truth", "estimate"], ["error %", "error % at first"]);
-    let mut table = Table::new(&[&before, intervals, &after].concat());
-    for (name, truth) in &revealed.truth.parameters {
-        let cell = |map: &indexmap::IndexMap<String, f64>| maybe(map.get(name).copied());
-        let mut row = vec![name.clone(), number(*truth), cell(&last.parameters)];
-        if let Some(estimate) = &last.posterior {
-            row.push(span(estimate.parameters.get(name).and_then(|belief| belief.ci95)));
-        }
-        row.extend([cell(&revealed.error_percent), cell(&revealed.error_percent_before)]);
-        table.row(row);
-    }
-    println!("{}", table.render());
+    let Some(table) = parameters(report) else { return };
+    println!("\nthe hidden twin\n{}", table.render());
     if !revealed.truth.effects.is_empty() {
         println!("hidden effects: {}", revealed.truth.effects.join(", "));
     }

@@ -16,6 +16,7 @@ use btr_identify::compare;
 use btr_identify::compare::{ChannelError, Comparison, LogPair, RegimeCell};
 use btr_identify::fit::{extrapolation, finer_step};
 use btr_identify::residual_model::TimeStep;
+use btr_physics::model::Model;
 use btr_physics::robot::Base;
 use indexmap::IndexMap;
 use rayon::prelude::*;
@@ -75,10 +76,14 @@ pub fn compare(source: &Source, mut replays: Replays) -> Result<CompareReport, P
 }
 
 fn comparison(replays: &Replays, simulated: &[Log]) -> Comparison {
-    let model = &replays.model;
-    let scenarios = model.scenarios.iter().zip(&replays.logs).zip(simulated);
-    let episodes: Vec<LogPair> =
+    let scenarios = replays.model.scenarios.iter().zip(&replays.logs).zip(simulated);
+    let pairs: Vec<LogPair> =
         scenarios.map(|((scenario, real), simulated)| LogPair { name: &scenario.name, real, simulated }).collect();
+    compare_pairs(&replays.model, &pairs)
+}
+
+/// The errors of simulations of a model's robot, with the noise floors of its sensors.
+pub fn compare_pairs(model: &Model, pairs: &[LogPair]) -> Comparison {
     // A joint whose motion is prescribed is where it was measured, but for smoothing.
     let given = |channel: &str| {
         let motion = channel.strip_prefix("q_").or_else(|| channel.strip_prefix("dq_"));
@@ -89,7 +94,7 @@ fn comparison(replays: &Replays, simulated: &[Log]) -> Comparison {
         Base::Fixed => model.setup.noise.floor_beside(channel, readings, simulated),
         Base::Floating => model.setup.noise.floor(channel, readings),
     };
-    compare::compare(&episodes, floor)
+    compare::compare(pairs, floor)
 }
 
 /// Root mean square discretisation error of a simulated channel, in noise floors: the change by halving the step times

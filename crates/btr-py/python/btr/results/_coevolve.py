@@ -15,6 +15,7 @@ from btr.results._effects import names_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 def _picture(path: Path, what: str) -> str:
@@ -121,11 +122,11 @@ class CoevolveResult(Result):
         return [{title: iteration[key] for key, title in columns.items()} for iteration in self.iterations]
 
     def _repr_html_(self) -> str:
-        run = _picture(self.folder / "figure3.svg", "fitness, phi and parameters over the run")
-        joints = _picture(self.folder / "figure5.svg", "joints beside their references, before and after")
+        run = _picture(self.folder / "progress.svg", "fitness, phi and parameters over the run")
+        joints = _picture(self.folder / "following.svg", "joints beside their references, before and after")
         return super()._repr_html_() + run + joints
 
-    def plot(self, ax: Sequence[Axes] | None = None) -> list[Axes]:
+    def plot(self, ax: Sequence[Axes] | None = None) -> Figure:
         """Draws phi per iteration and, if there is one, promised and real fitness, on a pair of Matplotlib's axes or a
-        new figure, and returns the axes. Raises `ImportError` without Matplotlib."""
+        new figure, and returns the figure. Raises `ImportError` without Matplotlib."""
         return plots.coevolve(self, ax)
