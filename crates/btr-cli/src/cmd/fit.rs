@@ -110,7 +110,8 @@ fn show(report: &FitReport, unit: ErrorUnit) {
         say(Tone::Doubtful, &format!("\nno intervals: {why}; `btr diagnose` looks for it"));
     }
     common::show_reserve(&report.doubts, &report.not_judged);
-    btr_report::text::removable(&report.without_effect).iter().for_each(|sentence| note(&format!(\"\n{sentence}\")));
+    let is_idle = |sentence: &String| note(&format!("\n{sentence}"));
+    btr_report::text::removable(&report.without_effect).iter().for_each(is_idle);
     for direction in &report.null_directions {
         say(Tone::Plain, &format!("\n{}", direction.sentence));
     }
