@@ -117,7 +117,7 @@ for name, value in run.iterations[-1]["parameters"].items():
 
 # %%
 if find_spec("matplotlib"):
-    run.plot()[0].figure.savefig(OUT / "run.png")
+    run.plot().savefig(OUT / "run.png")
 adapted = btr.load_model(run.adapted)
 print(f"\nadapted model: {adapted!r}")
 run

@@ -73,6 +73,5 @@ print(f"\n{fitted!r}\n\nafter: {after!r}")
 fitted.model.save(OUT / "fitted.toml")
 answer.report(OUT / "why.html")
 if find_spec("matplotlib"):
-    values, _ = fitted.plot()
-    values.figure.savefig(OUT / "fitted.png")
+    fitted.plot().savefig(OUT / "fitted.png")
 print("\nwritten:", ", ".join(str(path) for path in sorted(OUT.iterdir())))

@@ -64,6 +64,23 @@ def test_the_report_is_that_of_the_command_line(verb: str, answers: dict, tmp_pa
     assert (tmp_path / "python.html").read_bytes() == (tmp_path / "command.html").read_bytes()
 
 
+def test_printed_answers_say_what_the_command_line_says(arm: btr.Model, answers: dict) -> None:
+    found = answers["diagnose"]
+    (friction,) = found.effects
+    (torque,) = friction.parameters
+    low, high = torque.ci95
+    lines = str(found).split("\n")
+    assert any(line.startswith(f"{FRICTION}: probability ") for line in lines), lines
+    estimate = f"  {torque.name} = {torque.value:.4g} N·m (95 %: {low:.4g} .. {high:.4g}"
+    assert any(line.startswith(estimate) for line in lines), lines
+    assert f"next: fitted = btr.fit(model, learn, add=['{FRICTION}'])" in lines
+    fitted = answers["fit"]
+    assert fitted.null_directions and all(direction.sentence in str(fitted) for direction in fitted.null_directions)
+    checked = btr.check(arm, LEARN)
+    assert f"rank {checked.rank} of {len(checked.parameters)}, condition number" in str(checked)
+    assert all(re.search(rf"^{re.escape(p.name)} +{p.value:.4g} ", str(checked), re.M) for p in checked.parameters)
+
+
 @pytest.mark.parametrize("verb", TOLD)
 def test_answers_keep_their_reports_in_pickles(verb: str, answers: dict, tmp_path: Path) -> None:
     answer = answers[verb]
@@ -124,7 +141,7 @@ def drawn(ax: Axes, ink: str) -> list[list[float]]:
 
 def test_compare_draws_each_channel_with_the_noise_floor(answers: dict) -> None:
     found = answers["compare"]
-    ax = found.plot()
+    (ax,) = found.plot().axes
     assert names(ax) == [channel["name"] for channel in found.channels]
     assert [bar.get_width() for bar in ax.patches] == [channel["chi"] for channel in found.channels]
     assert ax.get_xscale() == "log" and drawn(ax, "truth") == [[1, 1]] and labels(ax) == ["noise floor"]
@@ -133,7 +150,7 @@ def test_compare_draws_each_channel_with_the_noise_floor(answers: dict) -> None:
 
 def test_diagnose_draws_how_the_error_fell(answers: dict) -> None:
     found = answers["diagnose"]
-    ax = found.plot()
+    (ax,) = found.plot().axes
     assert names(ax) == [step["step"] for step in found.error_ladder]
     assert drawn(ax, "main") == [[step["train"] for step in found.error_ladder]]
     assert drawn(ax, "second") == [[step["held_out"] for step in found.error_ladder]]
@@ -142,7 +159,7 @@ def test_diagnose_draws_how_the_error_fell(answers: dict) -> None:
 
 def test_fit_draws_every_value_between_its_bounds(answers: dict) -> None:
     found = answers["fit"]
-    values, ladder = found.plot()
+    values, ladder = found.plot().axes
     assert names(values) == list(found.values) and names(ladder)[0] == "model as it stands"
     dims = {dim["name"]: dim for dim in found.space}
     shares = [
@@ -164,21 +181,28 @@ def test_missing_intervals_are_not_drawn(answers: dict) -> None:
     found.parameters[0]["at_bound"] = True
     for step in found.error_ladder:
         step["held_out"] = None
-    values, ladder = found.plot()
+    values, ladder = found.plot().axes
     assert not values.collections and len(drawn(values, "alarm")) == 1 and "at its bound" in labels(values)
     assert labels(ladder) == ["training logs", "noise floor"]
 
 
 def test_plots_use_the_given_axes(answers: dict) -> None:
-    _, (bars, steps, values, ladder, lines) = pyplot.subplots(1, 5)
-    assert answers["compare"].plot(bars) is bars and answers["diagnose"].plot(ax=steps) is steps
-    assert answers["fit"].plot(np.array([values, ladder])) == [values, ladder]
-    assert btr.load_log(LEARN[0]).plot(ax=lines) == [lines] and len(pyplot.get_fignums()) == 1
+    figure, (bars, steps, values, ladder, lines) = pyplot.subplots(1, 5)
+    assert answers["compare"].plot(bars) is figure and answers["diagnose"].plot(ax=steps) is figure
+    assert answers["fit"].plot(np.array([values, ladder])) is figure
+    assert btr.load_log(LEARN[0]).plot(ax=lines) is figure and len(pyplot.get_fignums()) == 1
+    assert bars.patches and all(ax.lines for ax in (steps, values, ladder, lines))
+
+
+def test_every_plot_is_a_figure_that_can_be_saved(answers: dict, tmp_path: Path) -> None:
+    for drawn_of in [answers["compare"], answers["diagnose"], answers["fit"], btr.load_log(LEARN[0])]:
+        drawn_of.plot().savefig(tmp_path / "plot.svg")
+        assert (tmp_path / "plot.svg").read_text().count("<path") > 5
 
 
 def test_a_log_draws_commands_and_readings_of_a_joint_together() -> None:
     log = btr.load_log(LEARN[0])
-    axes = log.plot()
+    axes = log.plot().axes
     assert [labels(ax) for ax in axes] == [[f"cmd_{joint}", f"q_{joint}"] for joint in ("yaw", "shoulder", "elbow")]
     assert axes[0].get_ylabel() == "yaw (rad)" and axes[-1].get_xlabel() == "time (s)"
     np.testing.assert_array_equal(axes[0].lines[1].get_xdata(), log.clock_s)
@@ -190,12 +214,12 @@ def test_a_log_draws_commands_and_readings_of_a_joint_together() -> None:
 def test_channels_of_other_units_have_axes_of_their_own() -> None:
     clock_s = np.linspace(0, 1, 5)
     log = btr.Log(clock_s, {"q_a": clock_s, "dq_a": clock_s, "tau_a": clock_s, "q_b": clock_s, "gyro_x": clock_s})
-    assert [labels(ax) for ax in log.plot()] == [["q_a"], ["q_b"]]
-    assert [labels(ax) for ax in log.plot("tau_a", "q_b", "dq_a")] == [["tau_a"], ["q_b"], ["dq_a"]]
-    (together,) = log.plot("q_a", "tau_a", ax=pyplot.subplots()[1])
+    assert [labels(ax) for ax in log.plot().axes] == [["q_a"], ["q_b"]]
+    assert [labels(ax) for ax in log.plot("tau_a", "q_b", "dq_a").axes] == [["tau_a"], ["q_b"], ["dq_a"]]
+    (together,) = log.plot("q_a", "tau_a", ax=pyplot.subplots()[1]).axes
     assert labels(together) == ["q_a", "tau_a"] and together.get_ylabel() == "a (rad, N·m)"
-    assert [labels(ax) for ax in btr.Log(clock_s, {"gyro_x": clock_s}).plot()] == [["gyro_x"]]
-    assert btr.Log(clock_s, {}).plot() == []
+    assert [labels(ax) for ax in btr.Log(clock_s, {"gyro_x": clock_s}).plot().axes] == [["gyro_x"]]
+    assert btr.Log(clock_s, {}).plot().axes == []
 
 
 def test_a_log_is_a_frame_and_back() -> None:

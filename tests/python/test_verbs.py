@@ -458,3 +458,32 @@ def test_a_mapping_of_arrays_is_a_log(arm: btr.Model) -> None:
         btr.load_log({"q_yaw": log["q_yaw"]})
     with pytest.raises(btr.BtrError, match="no training log\nhelp: "):
         btr.compare(arm, [])
+
+
+def test_the_file_of_a_model_is_only_replaced_on_request(tmp_path: Path) -> None:
+    # A line about a schema that is not there would not be kept.
+    own, text = tmp_path / "arm.toml", (ROBOTS / "arm.toml").read_text().split("\n", 1)[1]
+    own.write_text(text)
+    (tmp_path / "arm.urdf").write_text((ROBOTS / "arm.urdf").read_text())
+    arm = btr.load_model(own)
+    arm.save(own)
+    assert own.read_text() == text
+    changed = arm.at({"kp@elbow": 12.5})
+    with pytest.raises(btr.BtrError, match=r"arm\.toml: this model was made from it; .* overwrite=True"):
+        changed.save(own)
+    assert own.read_text() == text
+    changed.save(tmp_path / "other.toml")
+    arm.at({"kp@elbow": 11.5}).save(tmp_path / "other.toml")
+    assert btr.load_model(tmp_path / "other.toml").values["kp@elbow"] == 11.5
+    changed.save(own, overwrite=True)
+    assert btr.load_model(own).values["kp@elbow"] == 12.5 and "kp = 12.5" in own.read_text()
+
+
+@pytest.mark.parametrize("name", ["arm.urdf", "scene.xml", "arm.urdf.xacro"])
+def test_a_robots_file_is_no_model_and_the_message_says_how_to_make_one(name: str, tmp_path: Path) -> None:
+    xacro = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="arm"><xacro:property name="x" value="1"/></robot>'
+    texts = {"arm.urdf": (ROBOTS / "arm.urdf").read_text(), "scene.xml": "<mujoco/>", "arm.urdf.xacro": xacro}
+    path = tmp_path / name
+    path.write_text(texts[name])
+    with pytest.raises(btr.BtrError, match=rf"not a model file.*\nhelp: .*new {re.escape(str(path))} -o model\.toml"):
+        btr.load_model(path)

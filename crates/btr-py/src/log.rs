@@ -178,7 +178,7 @@ impl Log {
     }
 
     /// Draws channels in their units over time in s; by default the commands and positions of the joints. Channels of
-    /// one joint and one unit share axes; a given Matplotlib `ax` receives all channels. Returns the list of axes.
+    /// one joint and one unit share axes; a given Matplotlib `ax` receives all channels. Returns the figure.
     /// Raises `KeyError` for an unknown channel, `ImportError` without Matplotlib.
     #[pyo3(signature = (*channels, ax = None))]
     fn plot<'py>(

@@ -253,12 +253,22 @@ class Model:
         text, (carried, left, advice), effects = self._model.export(to, place, step_s, posterior)
         return Exported(text, carried, left, None if effects is None else json.loads(effects), advice)
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the model file atomically, with the paths in it adapted to its folder. Raises `BtrError` if the name
-        does not end in `.toml` (so that no log is overwritten) or the file cannot be written."""
-        if Path(path).suffix != ".toml":
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Writes the model file atomically, with the paths in it adapted to its folder. An earlier model is replaced,
+        but with `overwrite` alone the file that this model was made from. Raises `BtrError` for that file, if the name
+        does not end in `.toml` (so that no log is overwritten), and if the file cannot be written."""
+        into = Path(path)
+        if into.suffix != ".toml":
             raise _btr.BtrError(f"{path}: the name of a model must end in .toml")
-        self._model.save(Path(path))
+        if not overwrite and self._is_own_file(into):
+            raise _btr.BtrError(f"{path}: this model was made from it; give another name, or overwrite=True")
+        self._model.save(into)
+
+    def _is_own_file(self, path: Path) -> bool:
+        """Whether a file is the one that this model was made from, with another text."""
+        if not (path.is_file() and Path(self.path).is_file() and path.samefile(self.path)):
+            return False
+        return path.read_text(encoding="utf-8") != self.text
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Model):

@@ -1,14 +1,15 @@
 """Plots of results and logs, with Matplotlib (`pip install 'btr[plot]'`), in the colours of the reports.
 
-Usually called as `result.plot()` and `log.plot()`. Each function draws on the given axes or on a new figure and returns
-the axes. Without Matplotlib it raises `ImportError`.
+Usually called as `result.plot()` and `log.plot()`. Each function draws on the given axes or on a new figure, and
+returns the figure (`result.plot().savefig("errors.png")`), whose `axes` are in the order of the drawing. Without
+Matplotlib it raises `ImportError`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from btr._btr import Log
 from btr._optional import needed
@@ -18,6 +19,7 @@ from btr.documents._common import interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 INK = {"main": "#0b62b0", "second": "#d9730d", "third": "#a3479c", "alarm": "#c5221f", "truth": "#5c5c5c"}
 """Colours by meaning: simulated; measured or held out; before; warning; true."""
@@ -53,6 +55,10 @@ def _figure(rows: int = 1, columns: int = 1, *, size: tuple[float, float], **opt
     return list(axes.flat)
 
 
+def _figure_of(ax: Axes) -> Figure:
+    return cast("Figure", ax.figure)
+
+
 def _height(rows: int) -> float:
     """Height of a figure with so many rows, in inches."""
     return 1.3 + 0.28 * rows
@@ -82,7 +88,7 @@ def _errors(ax: Axes, errors: Sequence[float]) -> None:
     ax.set_xlabel(_FLOORS)
 
 
-def compare(found: _Compared, ax: Axes | None = None) -> Axes:
+def compare(found: _Compared, ax: Axes | None = None) -> Figure:
     """The error of each channel in noise floors (`chi`), as bars on a logarithmic scale with the noise floor."""
     channels = found.channels
     ax = ax or _figure(size=(6.4, _height(len(channels))))[0]
@@ -92,16 +98,18 @@ def compare(found: _Compared, ax: Axes | None = None) -> Axes:
     _errors(ax, chi)
     _notes(ax, [f"{x:.2f}" for x in chi])
     _head(ax, "Model error by channel")
-    return ax
+    return _figure_of(ax)
 
 
-def diagnose(found: _Diagnosed, ax: Axes | None = None) -> Axes:
+def diagnose(found: _Diagnosed, ax: Axes | None = None) -> Figure:
     """The error ladder on training and held-out logs, in noise floors on a logarithmic scale."""
     ladder = found.error_ladder
-    return _ladder(ladder, ax or _figure(size=(6.4, _height(len(ladder))))[0])
+    ax = ax or _figure(size=(6.4, _height(len(ladder))))[0]
+    _ladder(ladder, ax)
+    return _figure_of(ax)
 
 
-def _ladder(ladder: Sequence[LadderStep], ax: Axes) -> Axes:
+def _ladder(ladder: Sequence[LadderStep], ax: Axes) -> None:
     _rows(ax, [step.step for step in ladder])
     drawn: list[float] = []
     for key, name, ink in (("train", "training logs", "main"), ("held_out", "held-out logs", "second")):
@@ -111,17 +119,18 @@ def _ladder(ladder: Sequence[LadderStep], ax: Axes) -> Axes:
         drawn.extend(errors)
     _errors(ax, drawn)
     _head(ax, "Error after each step")
-    return ax
 
 
-def fit(found: _Fitted, ax: Sequence[Axes] | None = None) -> list[Axes]:
+def fit(found: _Fitted, ax: Sequence[Axes] | None = None) -> Figure:
     """The fitted values with 95 % intervals between their bounds, and the error after each step, on a pair of axes."""
     rows = max(len(found.parameters), len(found.error_ladder))
     values, ladder = _figure(1, 2, size=(13.0, _height(rows))) if ax is None else ax
-    return [_values(found, values), _ladder(found.error_ladder, ladder)]
+    _values(found, values)
+    _ladder(found.error_ladder, ladder)
+    return _figure_of(values)
 
 
-def _values(found: _Fitted, ax: Axes) -> Axes:
+def _values(found: _Fitted, ax: Axes) -> None:
     dims = {dim.name: dim for dim in found.space}
     _rows(ax, [parameter.name for parameter in found.parameters])
     for row, parameter in enumerate(found.parameters):
@@ -136,7 +145,6 @@ def _values(found: _Fitted, ax: Axes) -> Axes:
     ax.set_xlim(-0.03, 1.03)
     ax.set_xlabel("position between the bounds (0 to 1)")
     _head(ax, "Fitted values between their bounds")
-    return ax
 
 
 def _value_text(parameter: Estimate) -> str:
@@ -155,7 +163,7 @@ def _share(dim: Dimension, value: float | None) -> float:
     return float((value - low) / (high - low))
 
 
-def coevolve(found: _Coevolved, ax: Sequence[Axes] | None = None) -> list[Axes]:
+def coevolve(found: _Coevolved, ax: Sequence[Axes] | None = None) -> Figure:
     """Results by iteration, on a pair of axes. Left: phi on a logarithmic scale, of the new simulation, and of the
     previous one on tests that it was not fitted to. Right: the best controller's fitness, predicted and real. Without
     any fitness there is only the left one."""
@@ -163,14 +171,14 @@ def coevolve(found: _Coevolved, ax: Sequence[Axes] | None = None) -> list[Axes]:
     has_fitness = any(iteration[key] is not None for iteration in found.iterations for key, _, _ in fitness)
     axes = _figure(1, 1 + has_fitness, size=(6.4 * (1 + has_fitness), 3.6)) if ax is None else list(ax)
     phi = [("phi", "new simulation", "main"), ("phi_predicted", "previous simulation, on fresh tests", "second")]
-    drawn = [_iterations(found, axes[0], phi, "phi", "Distance between simulation and reality")]
+    _iterations(found, axes[0], phi, "phi", "Distance between simulation and reality")
     axes[0].set_yscale("log")
     if has_fitness:
-        drawn.append(_iterations(found, axes[1], fitness, "fitness", "Fitness of the best controller"))
-    return drawn
+        _iterations(found, axes[1], fitness, "fitness", "Fitness of the best controller")
+    return _figure_of(axes[0])
 
 
-def _iterations(found: _Coevolved, ax: Axes, lines: Sequence[tuple[str, str, str]], label: str, title: str) -> Axes:
+def _iterations(found: _Coevolved, ax: Axes, lines: Sequence[tuple[str, str, str]], label: str, title: str) -> None:
     """One line per (key, name, ink) over the iterations, with marks where parameters were added to the simulation."""
     for key, name, ink in lines:
         values = [math.nan if iteration[key] is None else iteration[key] for iteration in found.iterations]
@@ -183,10 +191,9 @@ def _iterations(found: _Coevolved, ax: Axes, lines: Sequence[tuple[str, str, str
     ax.set_ylabel(label)
     ax.grid(color="#e6e6e6")
     _head(ax, title)
-    return ax
 
 
-def log(of: Log, channels: Sequence[str] = (), ax: Axes | None = None) -> list[Axes]:
+def log(of: Log, channels: Sequence[str] = (), ax: Axes | None = None) -> Figure:
     """Channels in their units over time in s; by default the commands and positions of the joints (all channels of a
     log without joints). Channels of one joint and one unit share axes; a given `ax` receives all channels. Raises
     `KeyError` for an unknown channel."""
@@ -196,11 +203,12 @@ def log(of: Log, channels: Sequence[str] = (), ax: Axes | None = None) -> list[A
     for name in names:
         groups.setdefault((_joint(name), of.unit(name)), []).append(name)
     if ax is not None:
-        return [_lines(of, names, ax)]
+        _lines(of, names, ax)
+        return _figure_of(ax)
     columns = max(1, math.ceil(len(groups) / 5))
     rows = max(1, math.ceil(len(groups) / columns))
     grid = _figure(rows, columns, size=(6.4 * min(columns, 3), 0.6 + 1.9 * rows), sharex=True)
-    axes, spare = grid[: len(groups)], grid[len(groups) :]
+    axes, spare, figure = grid[: len(groups)], grid[len(groups) :], _figure_of(grid[0])
     for empty in spare:
         empty.remove()
     for k, (group, ax) in enumerate(zip(groups.values(), axes)):
@@ -208,7 +216,7 @@ def log(of: Log, channels: Sequence[str] = (), ax: Axes | None = None) -> list[A
         lowest = k + columns >= len(groups)
         ax.tick_params(labelbottom=lowest)
         ax.xaxis.label.set_visible(lowest)
-    return axes
+    return figure
 
 
 def _joint(channel: str) -> str:
@@ -217,7 +225,7 @@ def _joint(channel: str) -> str:
     return joint if kind in _JOINT_CHANNELS else channel
 
 
-def _lines(of: Log, channels: Sequence[str], ax: Axes) -> Axes:
+def _lines(of: Log, channels: Sequence[str], ax: Axes) -> None:
     joints = list(dict.fromkeys(map(_joint, channels)))
     for channel in channels:
         is_command = channel.startswith("cmd_")
@@ -230,7 +238,6 @@ def _lines(of: Log, channels: Sequence[str], ax: Axes) -> Axes:
     ax.set_xlabel("time (s)")
     ax.grid(color="#e6e6e6")
     _head(ax)
-    return ax
 
 
 def _head(ax: Axes, title: str = "") -> None:

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 from btr import documents as doc
 from btr import plots
 from btr._btr import Log, Page
-from btr._tables import Rows
+from btr._tables import Rows, cell
+from btr.documents._common import interval
 from btr.results._base import Reported
-from btr.results._effects import names_of
+from btr.results._effects import names_of, removable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from btr.model import Model
 
@@ -70,6 +72,8 @@ class DiagnoseResult(Reported):
     """Free parameters whose prior is what earlier logs left (`sd` in the model), by name."""
     at_bound: list[str]
     """Free parameters that ended at a bound; the bounds may cause the remaining error."""
+    without_effect: list[str]
+    """Effects of the model, as `effect@site`, whose fitted values are those at which they do nothing."""
     cut_short: bool
     """Whether the search was stopped before it had finished: the result is the best so far."""
     rollouts: int
@@ -117,7 +121,11 @@ class DiagnoseResult(Reported):
         found += [(f"{value.value}@{value.site}", value.alike) for value in self.wrong_values]
         alike = [f"\nthese logs cannot tell {name} from {', '.join(others)}" for name, others in found if others]
         corrected = [p for value in self.wrong_values for p in value.parameters]
-        lines = [f"\n{p.name}: {p.value:.4g} {p.unit} in the logs, {p.in_model:.4g} in the model" for p in corrected]
+        estimates = [line for effect in self.effects for line in _estimates(effect)]
+        lines = [
+            f"\n{p.name}: {p.value:.4g} {p.unit} in the logs (95 %: {interval(p)}), {p.in_model:.4g} in the model"
+            for p in corrected
+        ]
         law, experiment = self.residual_law, self.next_experiment
         like = f"\nthe error looks like {law.law} on the {law.on} of {law.site}" if law else ""
         beside = f", beside {', '.join(law.beside)}" if law and law.beside else ""
@@ -133,12 +141,24 @@ class DiagnoseResult(Reported):
         rest = f"\na small error is left that is not noise: {left.name} {small.format(left.delta_bic)}" if left else ""
         proposal = f"\nnext experiment: {experiment.sentence}" if experiment else ""
         early = "\nstopped before the search had finished: this is the best so far" if self.cut_short else ""
-        return "".join(lines) + early + noise + rest + "".join(taken) + "".join(alike) + like + beside + proposal
+        idle = removable(self.without_effect)
+        on = f"\nnext: fitted = btr.fit(model, learn, add={self.names!r})" if self.names else ""
+        told = [*estimates, *lines, early, noise, rest, *taken, *alike, like, beside, proposal, idle, on]
+        return "".join(told)
 
     def _table(self) -> Rows:
         return [{"step": s.step, "error (x noise floor)": s.train, "held out": s.held_out} for s in self.error_ladder]
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Figure:
         """Draws the error ladder on training and held-out logs, in noise floors, on Matplotlib's `ax` or a new figure,
-        and returns the axes. Raises `ImportError` without Matplotlib."""
+        and returns the figure. Raises `ImportError` without Matplotlib."""
         return plots.diagnose(self, ax)
+
+
+def _estimates(effect: doc.EffectReport) -> list[str]:
+    """What speaks for an effect, and its estimates, one line each."""
+    name, explained = ", ".join(names_of([effect])), 100 * effect.share
+    of = f"probability {cell(effect.probability)}, explains {explained:.0f} % of the squared error above the noise"
+    return [f"\n{name}: {of}"] + [
+        f"\n  {p.name} = {cell(p.value)} {p.unit} (95 %: {interval(p)})" for p in effect.parameters
+    ]

@@ -36,3 +36,11 @@ class EffectsResult(Result):
             return [{"effect": effect.effect, "site": effect.site, "parameters": names} for effect, names in listed]
         keys = {"name": "parameter", "unit": "unit", "min": "min", "max": "max", "off": "off", "typical": "typical"}
         return [{title: parameter[key] for key, title in keys.items()} for parameter in self.effects[0].parameters]
+
+
+def removable(idle: Sequence[str]) -> str:
+    """That effects, as `effect@site`, do nothing, and how to be rid of them; nothing if there are none."""
+    if not idle:
+        return ""
+    does, them = ("does", "it") if len(idle) == 1 else ("do", "them")
+    return f"\n{', '.join(idle)} {does} nothing in these logs; to remove {them}, leave {them} out of `add`"

@@ -16,10 +16,12 @@ from btr._inputs import count
 from btr._tables import Rows, cell
 from btr.documents._common import interval
 from btr.results._base import Reported
+from btr.results._effects import removable
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from btr.model import Model
 
@@ -39,6 +41,8 @@ class FitResult(Reported):
     """How far the error is explained."""
     remaining: list[doc.RemainingError]
     """What is left in each channel, on held-out logs if there are any."""
+    without_effect: list[str]
+    """Effects of the model, as `effect@site`, whose fitted values are those at which they do nothing."""
     null_directions: list[doc.NullDirection]
     """Combinations of parameters that the logs do not determine."""
     posterior: doc.Posterior | None
@@ -123,7 +127,8 @@ class FitResult(Reported):
         why = f"\nno intervals: {self.withheld}" if self.withheld else ""
         bounded = any(p.by_bounds and not p.at_bound for p in self.parameters)
         by = "\nby its bounds: that is what the bounds leave; the logs tell less" if bounded else ""
-        return f"error in noise floors: {ladder}{why}{by}"
+        undetermined = "".join(f"\n{direction.sentence}" for direction in self.null_directions)
+        return f"error in noise floors: {ladder}{why}{by}{removable(self.without_effect)}{undetermined}"
 
     def _table(self) -> Rows:
         return [
@@ -143,7 +148,7 @@ class FitResult(Reported):
 
         return _tables.frame([row(p) for p in self.parameters])
 
-    def plot(self, ax: Sequence[Axes] | None = None) -> list[Axes]:
+    def plot(self, ax: Sequence[Axes] | None = None) -> Figure:
         """Draws each value with its 95 % interval between its bounds, and the error ladder, on a pair of Matplotlib's
-        axes or a new figure, and returns the pair. Raises `ImportError` without Matplotlib."""
+        axes or a new figure, and returns the figure. Raises `ImportError` without Matplotlib."""
         return plots.fit(self, ax)

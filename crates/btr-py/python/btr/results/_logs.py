@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from btr import _tables, plots
 from btr import documents as doc
-from btr import plots
-from btr._tables import Rows
+from btr._tables import Rows, cell
 from btr.results._base import Reported, Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 class CheckResult(Result):
@@ -61,6 +62,29 @@ class CheckResult(Result):
         # What one log after the other says again is in the headline, or in the table of all findings.
         return [row for row in self._table() if len(self.logs) == 1 or row["severity"] != "fine"]
 
+    def __repr__(self) -> str:
+        return "\n\n".join([super().__repr__(), *self._determined()])
+
+    def _determined(self) -> list[str]:
+        """What the logs determine of the free parameters, as on the command line."""
+        if self.not_judged:
+            return [f"the free parameters: {self.not_judged}"]
+        if not self.parameters:
+            return []
+        table = [
+            {
+                "parameter": p.name,
+                "value": p.value,
+                "unit": p.unit,
+                "sensitivity": p.sensitivity,
+                "uncertainty left %": 100 * p.uncertainty_left,
+            }
+            for p in self.parameters
+        ]
+        condition = "infinite" if self.condition_number is None else cell(self.condition_number)
+        rank = f"rank {self.rank} of {len(self.parameters)}, condition number {condition}"
+        return [_tables.text(table), "\n".join([rank, *(direction.sentence for direction in self.null_directions)])]
+
 
 class CompareResult(Reported):
     """What is off (`verdict`), the error of a model in multiples of the noise floor (`chi` of each of the `channels`),
@@ -84,15 +108,17 @@ class CompareResult(Reported):
     """Logs that could not be used."""
 
     def _headline(self) -> str:
-        return "\n".join(self.verdict.sentences)
+        left_out = [f"left out: {log.reason}" for log in self.left_out]
+        joints = [f"nothing of these joints was measured: {', '.join(self.not_judged)}"] if self.not_judged else []
+        return "\n".join([*self.verdict.sentences, *joints, *left_out])
 
     def _table(self) -> Rows:
-        keys = ["name", "unit", "rmse", "fit_percent", "bias", "lag_s", "noise_floor", "chi", "white"]
+        keys = ["name", "unit", "rmse", "error_percent", "fit_percent", "bias", "lag_s", "noise_floor", "chi", "white"]
         places = {verdict.joint: place for place, verdict in enumerate(self.verdict.joints)}
         worst_first = sorted(self.channels, key=lambda channel: places.get(channel.name.partition("_")[2], len(places)))
         return [{key: channel[key] for key in keys} for channel in worst_first]
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draws the error of each channel in noise floors, on Matplotlib's `ax` or a new figure, and returns the axes.
-        Raises `ImportError` without Matplotlib."""
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draws the error of each channel in noise floors, on Matplotlib's `ax` or a new figure, and returns the
+        figure. Raises `ImportError` without Matplotlib."""
         return plots.compare(self, ax)
