@@ -1,6 +1,7 @@
 //! Names with patterns in `[parameters]`.
 
 use crate::lab::Lab;
+use serde_json::Value;
 
 /// Three links in the air, of which the last one carries a link without a mass.
 pub(crate) const URDF: &str = r#"<robot name="arm">
@@ -63,8 +64,10 @@ fn lab(parameters: &str) -> Lab {
     lab
 }
 
+/// The free parameters with their values.
 fn free(lab: &Lab) -> Vec<(String, f64)> {
-    let checked = lab.json("check arm.toml log.csv");
+    // The thumb hangs loose, which is a finding.
+    let checked: Value = serde_json::from_str(&lab.exits("check arm.toml log.csv --json", 1)).unwrap();
     let parameters = checked["parameters"].as_array().unwrap().iter();
     parameters.map(|p| (p["name"].as_str().unwrap().to_owned(), p["value"].as_f64().unwrap())).collect()
 }
