@@ -82,9 +82,9 @@ fn split_off(actuators: &mut dyn TableLike, robot: &Robot, pattern: &str, joint:
     }
     let Some(removed) = actuators.remove(pattern).and_then(|entry| entry.into_table().ok()) else { return };
     // Copies keep the position in the file.
-    let is_copy = |table: &mut Table| table.position() == removed.position();
-    let first = driven(robot)
-        .find(|joint| actuators.get_mut(joint).and_then(Item::as_table_mut).is_some_and(|table| is_copy(table)));
+    let is_copy = |table: &Table| table.position() == removed.position();
+    let table = |joint: &str| actuators.get(joint).and_then(Item::as_table);
+    let first = driven(robot).find(|joint| table(joint).is_some_and(is_copy));
     if let Some(first) = first.and_then(|joint| actuators.get_mut(joint)).and_then(Item::as_table_mut) {
         *first.decor_mut() = removed.decor().clone();
     }
