@@ -1,5 +1,6 @@
 //! Exit codes and the output of failures.
 
+use crate::terminal::{Tone, complain};
 use btr_lab::failure::{FOLDER_GONE, Failure, STORAGE};
 
 /// Exit code of a run that was done.
@@ -18,9 +19,9 @@ pub(crate) fn report(failure: &Failure, json: bool) -> u8 {
         let error = serde_json::json!({ "code": failure.code, "message": failure.message.to_string(), "help": help });
         println!("{}", serde_json::json!({ "ok": false, "error": error }));
     } else {
-        eprintln!("error: {}", failure.message);
+        complain(Tone::Bad, "error", &failure.message.to_string());
         if let Some(help) = &failure.help {
-            eprintln!("help: {help}");
+            complain(Tone::Fine, "help", &help.to_string());
         }
     }
     if [FOLDER_GONE, STORAGE].contains(&failure.code) { MISSED } else { REFUSED }

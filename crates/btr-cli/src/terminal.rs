@@ -1,4 +1,4 @@
-//! Results on stdout: in colour and in lines that fit where that is a terminal, as they are in a pipe.
+//! Results on stdout, and errors: in colour and in lines that fit where that is a terminal, as they are in a pipe.
 //!
 //! `NO_COLOR` and `CLICOLOR_FORCE` are honoured by anstream, which strips the styles where they are not wanted.
 
@@ -78,6 +78,12 @@ pub(crate) fn show(tone: Tone, text: &str) {
             anstream::println!("{style}{line}{style:#}");
         }
     }
+}
+
+/// Prints a message on stderr, with a coloured word before it.
+pub(crate) fn complain(tone: Tone, word: &str, message: &str) {
+    let style = tone.style().bold();
+    anstream::eprintln!("{style}{word}:{style:#} {}", printable(message));
 }
 
 /// Prints a table.

@@ -4,7 +4,7 @@ use crate::args::{Global, Reading};
 use crate::exit::INTERRUPTED;
 use crate::status::Status;
 use crate::terminal;
-use crate::terminal::{Tone, note, say};
+use crate::terminal::{Tone, complain, note, say};
 use btr_core::log::Log;
 use btr_identify::LadderStep;
 use btr_identify::fit::RemainingError;
@@ -84,7 +84,7 @@ pub(crate) fn replays(
     let doubts = verbs::doubts(&replays);
     tell_left_out(&replays.left_out, global);
     if !global.quiet {
-        replays.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        replays.warnings.iter().for_each(|warning| complain(Tone::Doubtful, "warning", warning));
         tell_doubts(&replays, &doubts);
     }
     Ok((replays, doubts))
@@ -96,10 +96,13 @@ fn tell_doubts(replays: &Replays, doubts: &[Doubt]) {
     let findings: Vec<&Finding> = doubts.iter().map(|doubt| &doubt.finding).collect();
     let common = verbs::in_common(&findings, joints);
     for CommonFinding { severity, sentence, fix, .. } in &common {
-        eprintln!("{}: {sentence}\n{fix}", btr_report::text::word(*severity));
+        complain((*severity).into(), btr_report::text::word(*severity), &format!("{sentence}\n{fix}"));
     }
     let apart = |doubt: &&Doubt| common.iter().all(|common| !common.covers(&doubt.finding));
-    doubts.iter().filter(apart).for_each(|doubt| eprintln!("{}", btr_report::text::line(doubt)));
+    for Doubt { log, finding } in doubts.iter().filter(apart) {
+        let word = btr_report::text::word(finding.severity);
+        complain(finding.severity.into(), word, &format!("{log}: {}", finding.sentence));
+    }
 }
 
 /// What several joints have in common, and the lines that mend it.

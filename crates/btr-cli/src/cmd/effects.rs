@@ -2,6 +2,7 @@
 
 use crate::args::Global;
 use crate::exit::DONE;
+use crate::terminal;
 use btr_lab::failure::Failure;
 use btr_lab::verbs::{effects, named, site};
 use btr_physics::effects::{EffectSpec, Param, SiteKind};
@@ -56,7 +57,8 @@ fn tell(spec: &EffectSpec) {
         let [min, max, hint] = [p.bounds.0, p.bounds.1, p.hint].map(shown);
         table.row(vec![p.name.to_owned(), p.unit.to_owned(), min, max, off, hint]);
     }
-    println!("\n{}", table.render());
+    println!();
+    terminal::table(&table);
     if spec.params.iter().any(|p| p.shape) {
         println!("\nA shape only shapes the effect; the other parameters switch it on.");
     }

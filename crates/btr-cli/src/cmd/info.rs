@@ -3,6 +3,7 @@
 use crate::args::Global;
 use crate::cmd::common;
 use crate::exit::DONE;
+use crate::terminal;
 use btr_core::distance::DISTANCES;
 use btr_core::log::{Channel, Log};
 use btr_core::search::SEARCHES;
@@ -35,7 +36,7 @@ fn about_log(path: &Path, global: &Global) -> Result<u8, Failure> {
     }
     println!("{}: {} samples, {} s, {} Hz", path.display(), log.len(), number(log.duration_s()), number(rate_hz));
     warnings.iter().for_each(|w| eprintln!("warning: {w}"));
-    println!("{}", channels(&log).render());
+    terminal::table(&channels(&log));
     Ok(DONE)
 }
 

@@ -1,6 +1,7 @@
 //! The posterior of a run, detected drift of the robot, the map of controllers and the reality gap.
 
 use super::format::{span, tests};
+use crate::terminal;
 use btr_core::coevolve::{Change, Iteration, Promise};
 use btr_lab::run::report::RunReport;
 use btr_report::run_tables::parameters;
@@ -10,7 +11,10 @@ use btr_report::table::{Table, maybe, number};
 pub(super) fn show_posterior(report: &RunReport) {
     let Some(estimate) = report.iterations.last().and_then(|last| last.posterior.as_ref()) else { return };
     if report.revealed.is_none() {
-        parameters(report).into_iter().for_each(|table| println!("\n{}", table.render()));
+        if let Some(table) = parameters(report) {
+            println!();
+            terminal::table(&table);
+        }
     }
     if estimate.parameters.values().all(|belief| belief.ci95.is_none()) {
         println!("the estimates do not explain the tests: do not use them");
@@ -69,7 +73,8 @@ pub(super) fn show_map(report: &RunReport) {
         most(&|elite| elite.real),
         report.real_tests.to_string(),
     ]);
-    println!("\nthe map of controllers\n{}", table.render());
+    println!("\nthe map of controllers");
+    terminal::table(&table);
 }
 
 /// The reality gap: real fitness against promised fitness, and how many promises held.

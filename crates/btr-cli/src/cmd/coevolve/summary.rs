@@ -3,12 +3,13 @@
 use super::disengagement::show_disengagement;
 use super::posterior::{show_drift, show_gap, show_map, show_posterior};
 use super::truth::{show_by_distance, show_logs, show_revealed};
+use crate::terminal;
 use btr_lab::run::report::RunReport;
 use btr_report::run_tables::{iterations, reason};
 use btr_report::table::number;
 
 pub(super) fn show(report: &RunReport) {
-    println!("{}", iterations(report).render());
+    terminal::table(&iterations(report));
     println!(
         "\nstopped: {}   real tests: {}   simulated: {} ({} failed)",
         reason(report),

@@ -1,5 +1,6 @@
 //! Comparisons with known truth: a hidden twin, recorded logs, and the estimates of each distance.
 
+use crate::terminal;
 use btr_lab::run::report;
 use btr_lab::run::report::{ByDistance, RunReport, TwinComparison};
 use btr_report::run_tables::parameters;
@@ -7,7 +8,8 @@ use btr_report::table::{Table, maybe, number};
 
 pub(super) fn show_revealed(report: &RunReport, revealed: &TwinComparison) {
     let Some(table) = parameters(report) else { return };
-    println!("\nthe hidden twin\n{}", table.render());
+    println!("\nthe hidden twin");
+    terminal::table(&table);
     if !revealed.truth.effects.is_empty() {
         println!("hidden effects: {}", revealed.truth.effects.join(", "));
     }
@@ -31,7 +33,8 @@ pub(super) fn show_logs(report: &RunReport) {
     if table.is_empty() {
         return;
     }
-    println!("\nrecorded logs\n{}", table.render());
+    println!("\nrecorded logs");
+    terminal::table(&table);
     for (held_out, title) in [(false, "learnt"), (true, "held out")] {
         let scores: Vec<_> =
             report.logs.iter().filter(|s| s.held_out == held_out && s.after.mean_abs.is_finite()).collect();
@@ -74,7 +77,7 @@ pub(super) fn show_by_distance(report: &RunReport) {
         };
         table.row(std::iter::once(name.clone()).chain(report.by_distance.iter().map(cell)).collect());
     }
-    println!("{}", table.render());
+    terminal::table(&table);
     let fooled = |by: &&ByDistance| by.phi_of_truth.is_some_and(|truth| truth > by.telling);
     for by in report.by_distance.iter().filter(fooled) {
         println!(
