@@ -10,11 +10,9 @@ use btr_report::table::{Table, maybe, number};
 /// The posterior of the parameters of S, and which of them the tests identify.
 pub(super) fn show_posterior(report: &RunReport) {
     let Some(estimate) = report.iterations.last().and_then(|last| last.posterior.as_ref()) else { return };
-    if report.revealed.is_none() {
-        if let Some(table) = parameters(report) {
-            println!();
-            terminal::table(&table);
-        }
+    if let Some(table) = parameters(report).filter(|_| report.revealed.is_none()) {
+        println!();
+        terminal::table(&table);
     }
     if estimate.parameters.values().all(|belief| belief.ci95.is_none()) {
         println!("the estimates do not explain the tests: do not use them");
