@@ -92,13 +92,6 @@ fn a_payload_may_outweigh_a_light_flange() {
     assert_missing(&found, "end_payload@forearm", ("end_payload.mass@forearm", 1.2), 0.02);
 }
 
-/// Commands in other units than the readings.
-#[test]
-fn a_servo_with_another_range_is_found() {
-    let found = diagnosed(desk_arm(), vec![effect("command_scale", "elbow", &[0.25])]);
-    assert_missing(&found, "command_scale@elbow", ("command_scale.error@elbow", 0.25), 0.02);
-}
-
 /// An elastic transmission is not told as a delay, and the rotor that the model knows is not in its way.
 #[test]
 fn elasticity_is_found_beside_a_known_rotor() {

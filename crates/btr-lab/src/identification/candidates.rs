@@ -24,7 +24,7 @@ impl IdentificationProblem {
         let prescribed = self.model.robot.is_prescribed();
         let offered = |effect: &&dyn Effect| {
             let shows = if prescribed { !effect.is_of_motor() } else { !effect.is_for_prescribed_motion() };
-            shows && !without.contains(&effect.spec().name)
+            shows && effect.is_suspected() && !without.contains(&effect.spec().name)
         };
         for effect in EFFECTS.iter().copied().filter(offered) {
             for site in sites(effect, &self.model) {

@@ -158,6 +158,10 @@ pub trait Effect: Sync {
     fn is_of_motor(&self) -> bool {
         false
     }
+    /// Whether a diagnosis tries it; one that is not tried is for models and fits that name it.
+    fn is_suspected(&self) -> bool {
+        true
+    }
     /// Whether it is for joints whose motion is prescribed.
     fn is_for_prescribed_motion(&self) -> bool {
         false

@@ -14,6 +14,7 @@ use crate::residual_model::{EffectCandidate, Needs, Parametrisation};
 use btr_core::signal::ripple::orders;
 use linear::{BasePoint, STRETCH};
 use start_point::ProbeSizes;
+use start_point::is_switched;
 pub(crate) use start_point::{StartPoint, has_two_sides, is_searched, with};
 use std::cmp::Ordering::Equal;
 
@@ -85,7 +86,12 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
         base.map_or_else(Vec::new, |base| base.predicted_together(objective, &offered, &COARSE, &reached))
     };
     let coarse = best_of_joints(objective, bases.iter().enumerate().flat_map(probe_coarsely).collect(), COARSE_PASS);
-    let in_error = |(index, base): (usize, &FitPoint)| found_in_error(objective, index, base, &searched);
+    // A joint that counts the other way round draws the free parameters to their bounds: it is tried without that, too.
+    let in_error = |(index, base): (usize, &FitPoint)| {
+        let from_here = |candidate: &usize| index == 0 || is_switched(objective, *candidate);
+        let searched: Vec<usize> = searched.iter().copied().filter(from_here).collect();
+        found_in_error(objective, index, base, &searched)
+    };
     let found: Vec<StartPoint> = bases.iter().enumerate().flat_map(in_error).collect();
     // Each candidate is probed from the first base, and from the one with its best prediction.
     let probe_finely = |(index, base): (usize, &FitPoint)| {

@@ -1,7 +1,7 @@
 //! Probe sizes, and the start points that probes predict.
 
 use crate::fit::{FitPoint, Objective};
-use crate::residual_model::EffectCandidate;
+use crate::residual_model::{EffectCandidate, Parametrisation};
 
 /// Sizes of probes.
 pub(super) struct ProbeSizes {
@@ -52,6 +52,12 @@ pub(crate) fn has_two_sides(objective: &Objective, candidate: &EffectCandidate) 
 pub(crate) fn is_searched(objective: &Objective, candidate: usize) -> bool {
     let mut amplitudes = objective.candidates()[candidate].amplitudes.iter();
     amplitudes.any(|&k| objective.parameters()[k].is_searched())
+}
+
+/// Whether a candidate is one of two values.
+pub(super) fn is_switched(objective: &Objective, candidate: usize) -> bool {
+    let mut amplitudes = objective.candidates()[candidate].amplitudes.iter();
+    amplitudes.any(|&k| objective.parameters()[k].law == Parametrisation::Switch)
 }
 
 /// The base's free parameters and a candidate's, which may be among them.

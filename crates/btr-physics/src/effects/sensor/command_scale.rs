@@ -27,6 +27,11 @@ impl Effect for CommandScale {
         true
     }
 
+    /// Units are wrong by much; by half a percent, this looks like a small load or spring.
+    fn is_suspected(&self) -> bool {
+        false
+    }
+
     fn command(&self, p: &[f64], _memory: &mut [f64], state: &JointInput) -> f64 {
         (1.0 + p[0]) * state.command
     }
