@@ -15,9 +15,9 @@ What `btr --help` and `btr VERB --help` print. Exit codes are [on a page of thei
 def page() -> str:
     """One section per verb."""
     whole = _help()
-    listed = re.search(r"^Commands:\n(.*?)\n\n", whole, re.M | re.S)
-    assert listed is not None, "btr --help lists its commands"
-    verbs = [verb for verb in re.findall(r"^  (\w+)", listed[1], re.M) if verb != "help"]
+    # In groups, before the options.
+    verbs = re.findall(r"^  (\w+) ", whole.partition("\nOptions:\n")[0], re.M)
+    assert verbs, "btr --help lists its verbs before its options"
     sections = [("btr", whole), *((f"btr {verb}", _help(verb)) for verb in verbs)]
     return BEGIN + "".join(f"\n## {name}\n\n```text\n{text.rstrip()}\n```\n" for name, text in sections)
 

@@ -90,6 +90,7 @@ SHOWN: Mapping[str, Shown] = {
     "command_rate_limit": Shown(COMMAND, fast),
     "command_deadband": Shown(COMMAND, slow, site="yaw"),
     "command_offset": Shown("command"),
+    "command_scale": Shown("command"),
     "payload": Shown(POSITION, site="forearm"),
     "end_payload": Shown(POSITION, site="forearm"),
     "tool_load": Shown(POSITION, site="forearm", values={"x": 0.18, "z": 0.0}),
