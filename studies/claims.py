@@ -134,7 +134,7 @@ CLAIMS = [
           trap("uniform white noise", 2), 0.005),
     Claim("docs/paper.md", "| sine, 1 Hz | 7.5 | 1.8 |", TRAPS, 1.8, trap("sine, 1 Hz", 1), 0.05),
     Claim("docs/paper.md", "| left knee of the walk | 6.2 | 1.6 |", TRAPS, 1.6, trap("walk, q_LKneePitch", 1), 0.05),
-    Claim("robots/nao.toml", "Takes less than half a minute on two cores", "btr coevolve robots/nao.toml", 15,
+    Claim("robots/nao.toml", "less than half a minute on two cores", "btr coevolve robots/nao.toml", 15,
           lambda study: study.took_s("nao"), 15),
     Claim("docs/howto/index.md", "lengths within 2 % after 24 to 60 real tests", ANTS,
           24, lambda study: min(study.tests_to_two_percent("ant")), 0, slow=True),
