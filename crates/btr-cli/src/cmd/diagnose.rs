@@ -246,7 +246,11 @@ fn to_repeatability(report: &DiagnoseReport) -> String {
 fn unsure(report: &DiagnoseReport) -> String {
     let unsure = report.support().filter(|support| support.probability < 0.5);
     let others: Vec<&str> = unsure.flat_map(|support| &support.alike).map(String::as_str).collect();
-    if others.is_empty() { String::new() } else { format!(", or one of {}: these logs cannot tell", others.join(", ")) }
+    match others.as_slice() {
+        [] => String::new(),
+        [one] => format!(", or {one}: these logs cannot tell"),
+        many => format!(", or one of {}: these logs cannot tell", many.join(", ")),
+    }
 }
 
 /// The joints that a verdict is about, where these are not all.

@@ -84,8 +84,8 @@ impl VerbInput {
         let robot = &self.problem.model().robot;
         let value = |k: usize| {
             let parameter = &self.problem.parameters()[k];
-            let bounds = [parameter.bounds.0, parameter.bounds.1].map(|u| parameter.value(u));
-            Addition::value(&parameter.name, bounds, robot)
+            let [a, b] = [parameter.bounds.0, parameter.bounds.1].map(|u| parameter.value(u));
+            Addition::value(&parameter.name, [a.min(b), a.max(b)], robot)
         };
         match found.kind {
             CandidateKind::Effect => Ok(vec![Addition::parse(&format!("{}@{}", found.effect, found.site), robot)?]),

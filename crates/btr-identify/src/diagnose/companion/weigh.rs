@@ -76,7 +76,7 @@ impl Weight {
 fn declare_alike(objective: &Objective, state: &mut DiagnosisState, pair: Pair) {
     let (candidates, measure) = (objective.candidates(), ComparisonMeasure::of(objective, &state.fit));
     let Pair { index, effect, companion } = pair;
-    let costs = (measure.criterion(&companion.fit) - measure.criterion(&state.fit)).min(TIE);
+    let costs = (measure.criterion(&companion.fit) - measure.criterion(&state.fit)).clamp(-TIE, TIE);
     let found = &mut state.chosen[index];
     found.probability /= 1.0 + (-costs / 2.0).exp();
     found.alike.push(format!("{} + {}", candidates[effect].name(), candidates[companion.candidate].name()));

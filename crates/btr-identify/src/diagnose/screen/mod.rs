@@ -34,8 +34,10 @@ const FINE: ProbeSizes = ProbeSizes {
 const FAR: ProbeSizes = ProbeSizes { amplitudes: &[6.0, 24.0], limits: &[], compliances: &[] };
 /// How many orders of ripples are tried that the error shows.
 const ORDERS: usize = 4;
-/// How many sizes of an effect are probed that are searched in the error.
+/// How many sizes are probed that are searched in the error, and how many directions of joints.
 const SEARCHED: usize = 4;
+/// Largest share of the cost that a joint leaves which counted the other way round.
+const HALF: f64 = 0.5;
 /// How many candidates pass the first pass, and how many of those that show in one joint's channel alone.
 const COARSE_PASS: (usize, usize) = (16, 6);
 /// How many of the best predictions are simulated, and how many of one joint.
@@ -106,10 +108,22 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
         (near, far)
     };
     let (near, far): (Vec<Vec<StartPoint>>, Vec<Vec<StartPoint>>) = bases.iter().enumerate().map(probe_finely).unzip();
-    let mut predicted = best_of_joints(objective, near.concat(), VERIFIED);
+    let (switched, near): (Vec<StartPoint>, Vec<StartPoint>) =
+        near.concat().into_iter().partition(|start| is_switched(objective, start.candidate));
+    let mut predicted = best_of_joints(objective, near, VERIFIED);
     predicted.extend(best(far.concat(), STRIKING));
     predicted.extend(coarse.iter().take(STRIKING).cloned());
-    verify(objective, bases, &predicted)
+    let mut verified = verify(objective, bases, &predicted);
+    verified.splice(0..0, that_halve_the_cost(objective, bases, switched));
+    verified
+}
+
+/// The best of these starts, if its simulated cost is less than half of its base's: a prediction says nothing about
+/// them.
+fn that_halve_the_cost(objective: &Objective, bases: &[FitPoint], mut starts: Vec<StartPoint>) -> Vec<StartPoint> {
+    simulate(objective, bases, &mut starts);
+    starts.retain(|start| start.cost < HALF * bases[start.base].cost);
+    best(starts, 1)
 }
 
 /// The sizes of candidates that the error shows, those first that may explain most of it.
@@ -127,14 +141,8 @@ fn found_in_error(objective: &Objective, index: usize, base: &FitPoint, searched
         objective.candidates()[candidate].amplitudes.iter().for_each(|&k| u[k] = objective.parameters()[k].clamp(size));
         StartPoint { candidate, base: index, u, cost: f64::INFINITY }
     };
-    let kind = |(candidate, ..): &(usize, f64, f64)| &*objective.candidates()[*candidate].effect;
-    let mut kept: Vec<(usize, f64, f64)> = Vec::new();
-    for one in found {
-        if kept.iter().filter(|other| kind(other) == kind(&one)).count() < SEARCHED {
-            kept.push(one);
-        }
-    }
-    kept.into_iter().map(start).collect()
+    let (switched, sizes): (Vec<_>, Vec<_>) = found.into_iter().partition(|one| is_switched(objective, one.0));
+    sizes.into_iter().take(SEARCHED).chain(switched.into_iter().take(SEARCHED)).map(start).collect()
 }
 
 /// The starts of a candidate; for ripples, also with the orders that the error in a log shows.

@@ -29,6 +29,8 @@ pub struct NullDirection {
 pub fn null_directions(parameters: &[FitParameter], fit: &FitPoint) -> Vec<NullDirection> {
     let Some(information) = information_of_all(parameters, fit) else { return Vec::new() };
     let (dead, alive): (Vec<usize>, Vec<usize>) = (0..information.nrows()).partition(|&k| is_dead(information[(k, k)]));
+    // No derivative says how much is known of what is searched.
+    let dead: Vec<usize> = dead.into_iter().filter(|&k| !parameters[fit.active[k]].is_searched()).collect();
     let alone = dead.iter().map(|&k| vec![(k, 1.0)]);
     let among = null_space(&information.select_rows(&alive).select_columns(&alive));
     let together = among.into_iter().map(|x| alive.iter().copied().zip(x.iter().copied()).collect());
