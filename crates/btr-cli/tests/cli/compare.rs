@@ -3,6 +3,7 @@
 use crate::lab::Lab;
 use btr_io::{Mapping, Meta, read_log, write_log};
 use serde_json::Value;
+use std::path::Path;
 
 /// A servo that swings a pendulum, with a sensor that errs.
 const SWING: &str = r#"name = "swing"
@@ -87,6 +88,31 @@ fn a_wrong_value_is_told_kept_and_fitted() {
     assert!(near(&fitted["parameters"][0]), "{fitted}");
     let wrong = lab.complaint("fit swing.toml log.csv --add kp@hing");
     assert!(wrong.contains("no movable joint `hing`; did you mean `hinge`?"), "{wrong}");
+}
+
+#[test]
+fn a_joint_that_counts_the_other_way_round_is_told_and_kept() {
+    let lab = Lab::new();
+    let robots = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
+    let read = |name: &str| std::fs::read_to_string(robots.join(name)).unwrap();
+    let arm = read("arm.toml");
+    let reversed = "[parameters]\n\"direction@elbow\" = { bounds = [-1, 1], value = -1 }\n";
+    lab.write("arm.urdf", &read("arm.urdf"));
+    lab.write("arm.toml", &arm);
+    lab.write("robot.toml", &arm.replace("[parameters]\n", reversed));
+    for log in ["learn_1", "learn_2"] {
+        let commands = robots.join(format!("arm/{log}.csv"));
+        lab.ok(&format!("simulate robot.toml --log {} --seed 7 -q -o {log}.csv", commands.display()));
+    }
+    let told = lab.ok("diagnose arm.toml learn_1.csv learn_2.csv -o found.toml");
+    for part in ["wrong in the model: direction of elbow", "turn its axis round in the robot's file", "factor -1"] {
+        assert!(told.contains(part), "{told}");
+    }
+    assert_eq!(lab.json("diagnose found.toml learn_1.csv learn_2.csv")["verdict"], "nothing_missing");
+    let fitted = lab.json("fit arm.toml learn_1.csv --add direction@elbow -o fitted.toml");
+    assert!(!fitted["null_directions"].to_string().contains("direction@elbow is dead"), "{fitted}");
+    let refused = lab.complaint("export fitted.toml --to ros2 -o limits.yaml");
+    assert!(refused.contains("elbow counts the other way round") && refused.contains("turn the axis"), "{refused}");
 }
 
 #[test]
