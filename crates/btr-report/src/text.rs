@@ -242,6 +242,16 @@ pub fn findings(report: &DiagnoseReport) -> (Vec<String>, Vec<String>) {
     )
 }
 
+/// Which of the findings' names these logs cannot tell from others, a sentence each; of those that are `meant`.
+pub fn alike(report: &DiagnoseReport, meant: impl Fn(&Support) -> bool) -> Vec<String> {
+    let effects = report.effects.iter().map(|e| (format!("{} on {}", e.effect, e.site), &e.support));
+    let values = report.wrong_values.iter().map(|v| (format!("{} of {}", v.value, v.site), &v.support));
+    let unclear = effects.chain(values).filter(|(_, support)| !support.alike.is_empty() && meant(support));
+    unclear
+        .map(|(name, support)| format!("these logs cannot tell {name} from {}", support.alike.join(" or ")))
+        .collect()
+}
+
 /// Header of a table of channels.
 pub const CHANNEL_HEADER: [&str; 11] = [
     "channel",

@@ -20,7 +20,7 @@ use btr_report::Subject;
 use btr_report::html;
 use btr_report::table::{Table, number};
 use btr_report::text::{
-    PROBABILITY, diagnose_command, evidence, findings, fit_command, probability, stand_in, what_remains,
+    PROBABILITY, alike, diagnose_command, evidence, findings, fit_command, probability, stand_in, what_remains,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -244,13 +244,7 @@ fn to_repeatability(report: &DiagnoseReport) -> String {
 
 /// Where a name is less likely than not: which others it may be.
 fn unsure(report: &DiagnoseReport) -> String {
-    let unsure = report.support().filter(|support| support.probability < 0.5);
-    let others: Vec<&str> = unsure.flat_map(|support| &support.alike).map(String::as_str).collect();
-    match others.as_slice() {
-        [] => String::new(),
-        [one] => format!(", or {one}: these logs cannot tell"),
-        many => format!(", or one of {}: these logs cannot tell", many.join(", ")),
-    }
+    alike(report, |support| support.probability < 0.5).iter().map(|sentence| format!("; {sentence}")).collect()
 }
 
 /// The joints that a verdict is about, where these are not all.

@@ -44,7 +44,7 @@ fn gains_are_where_the_file_states_them() {
     assert!(text.contains("  # from the data sheet") && actuators["hip"]["kd"].as_float() == Some(0.5), "{text}");
     assert!(text.contains("\"kp@hip\" = { bounds = [10.0, 40.0], scale = \"log\", value = "), "{text}");
     // It is the same model as one without free parameters.
-    lab.write("bare.toml", &text.split("[parameters]").next().unwrap());
+    lab.write("bare.toml", text.split("[parameters]").next().unwrap());
     let errors = |model: &str| lab.json(&format!("compare {model} log.csv"))["channels"].clone();
     assert_eq!(errors("fitted.toml"), errors("bare.toml"));
 }

@@ -7,8 +7,8 @@ use crate::Subject;
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
 use crate::text::{
-    CORRECTED, ESTIMATES, at_bounds, corrected, estimate, evidence, findings, fit_command, integrator, probability,
-    remedy, removable, stand_in, what_remains,
+    CORRECTED, ESTIMATES, alike, at_bounds, corrected, estimate, evidence, findings, fit_command, integrator,
+    probability, remedy, removable, stand_in, what_remains,
 };
 use btr_core::log::Log;
 use btr_identify::LadderStep;
@@ -71,26 +71,25 @@ fn sentence(found: &DiagnoseReport) -> String {
     let before = base(&found.error_ladder, 0).map_or_else(String::new, error);
     let times = ErrorUnit::of(&found.noise_floor).times();
     let names = named(found);
-    let alike: Vec<&str> = found.support().flat_map(|support| &support.alike).map(String::as_str).collect();
-    let alike = if alike.is_empty() { String::new() } else { format!(" or a similar effect ({})", alike.join(", ")) };
     let share = format!("{:.0}\u{a0}% of its square is not noise", 100.0 * found.unexplained_share);
     let notes = found.shows_noise().into_iter().chain(found.shows_where_judged());
     let noted = |sentence: String| format!(" Note that {sentence}.");
     let where_judged: String = notes.map(noted).collect();
     let limited = (found.degree == Degree::ExplainedToRepeatability).then(|| what_remains(found.degree).to_owned());
+    let limited = alike(found, |_| true).into_iter().chain(limited);
     let left_over: String = {
         let stand_ins = found.stand_ins.iter().map(stand_in);
-        limited.into_iter().chain(found.shows_left_over()).chain(stand_ins).map(noted).collect()
+        limited.chain(found.shows_left_over()).chain(stand_ins).map(noted).collect()
     };
     match (found.verdict, names.is_empty()) {
         (Verdict::EffectMissing, _) => {
             format!(
-                "The model lacks {names}{alike}: with it, the error on {on} falls from {before} to {last} {times}.{left_over}"
+                "The model lacks {names}: with it, the error on {on} falls from {before} to {last} {times}.{left_over}"
             )
         }
         (Verdict::ValueWrong, _) => {
             format!(
-                "A value of the model is wrong: with {names}{alike}, the error on {on} falls from {before} to {last} {times}.{left_over}"
+                "A value of the model is wrong: with {names}, the error on {on} falls from {before} to {last} {times}.{left_over}"
             )
         }
         (Verdict::PartlyExplained, _) => {
