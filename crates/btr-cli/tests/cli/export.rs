@@ -63,6 +63,34 @@ fn difference_of_lines(before: &str, after: &str) -> String {
     lines(before, after, '-') + &lines(after, before, '+')
 }
 
+/// MuJoCo's compiler makes one body of links that are fixed to each other.
+#[test]
+fn a_body_has_the_mass_of_the_links_that_were_fused_into_it() {
+    let lab = lab();
+    let tool = r#"<link name="tool"><inertial><origin xyz="0 0 0.02"/><mass value="0.1"/>
+        <inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <joint name="flange" type="fixed"><parent link="forearm"/><child link="tool"/><origin xyz="0 0 0.3" rpy="0 0 1"/></joint>
+        </robot>"#;
+    lab.write("arm.urdf", &lab.read("arm.urdf").replace("</robot>", tool));
+    let mass_and_height = |mjcf: &str| {
+        lab.write("arm.xml", mjcf);
+        lab.ok("export fitted.toml arm.xml --to mujoco -o out.xml");
+        let text = lab.read("out.xml");
+        let body = text.split("<body name=\"forearm\"").nth(1).unwrap();
+        let inertial = body.split("<inertial").nth(1).unwrap().split("/>").next().unwrap();
+        let value =
+            |name: &str| inertial.split(&format!("{name}=\"")).nth(1).unwrap().split('"').next().unwrap().to_owned();
+        let number = |text: &str| text.parse::<f64>().unwrap();
+        (number(&value("mass")), number(value("pos").split(' ').nth(2).unwrap()) - 0.01)
+    };
+    let own = "<body name=\"tool\" pos=\"0 0 0.3\"><inertial pos=\"0 0 0.02\" mass=\"0.1\" diaginertia=\"1e-5 1e-5 1e-5\"/></body>\n";
+    let (apart, apart_z) =
+        mass_and_height(&MJCF.replace("quat=\"1 0 0 0\"/>\n", &format!("quat=\"1 0 0 0\"/>\n{own}")));
+    let (fused, fused_z) = mass_and_height(MJCF);
+    assert!((fused - apart - 0.1).abs() < 1e-9, "{fused} {apart}");
+    assert!((fused * fused_z - apart * apart_z - 0.1 * 0.32).abs() < 1e-6, "{fused_z} {apart_z}");
+}
+
 #[test]
 fn mujoco_s_file_changes_in_its_numbers_alone() {
     let lab = lab();

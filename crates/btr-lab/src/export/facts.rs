@@ -5,6 +5,7 @@ use btr_physics::effects::{PlacedEffect, UNKNOWN_ROTOR, find, rank};
 use btr_physics::engine::carried_inertia;
 use btr_physics::model::Outline;
 use btr_physics::robot::{Actuator, Joint, JointKind, Link, Robot};
+use nalgebra::{Matrix3, Vector3};
 
 /// A joint's known values, in SI units. What a format cannot express stays in `left`.
 #[derive(Clone, Debug)]
@@ -158,6 +159,56 @@ pub(super) fn changed_links<'a>(request: &'a Request) -> impl Iterator<Item = &'
                 && known.inertia_kg_m2 == link.inertia_kg_m2
         };
         request.stated_links.contains(&link.name) || !original.links.iter().any(|known| same(&known))
+    })
+}
+
+/// The links of a file that changed links are part of, each with what is fused with it: MuJoCo's compiler fuses links
+/// that are fixed to each other when it reads a URDF, and the file then has one body for them. `has` says whether the
+/// file has a link.
+pub(super) fn changed_bodies(request: &Request, has: impl Fn(&str) -> bool) -> Vec<Link> {
+    let robot = &request.outline.robot;
+    let mut bodies: Vec<usize> = changed_links(request)
+        .filter_map(|changed| {
+            let mut at = robot.links.iter().position(|link| link.name == changed.name)?;
+            while let Some(parent) = robot.links[at].parent.filter(|_| is_fused(&robot.links[at], &has)) {
+                at = parent;
+            }
+            Some(at)
+        })
+        .collect();
+    bodies.sort_unstable();
+    bodies.dedup();
+    bodies.into_iter().map(|at| fused(robot, at, &has)).collect()
+}
+
+/// Whether a link is part of the one that it is fixed to.
+fn is_fused(link: &Link, has: &impl Fn(&str) -> bool) -> bool {
+    link.joint.kind == JointKind::Fixed && !has(&link.name)
+}
+
+/// A link with the links that are fused with it.
+fn fused(robot: &Robot, at: usize, has: &impl Fn(&str) -> bool) -> Link {
+    let is_part = |(_, link): &(usize, &Link)| link.parent == Some(at) && is_fused(link, has);
+    let parts = robot.links.iter().enumerate().filter(is_part).map(|(part, _)| fused(robot, part, has));
+    parts.fold(robot.links[at].clone(), |whole, part| {
+        let pose = part.joint.origin;
+        let turned = pose.rotation.to_rotation_matrix();
+        let (of_whole, of_part) = (whole.com_m.coords, (pose * part.com_m).coords);
+        let mass_kg = whole.mass_kg + part.mass_kg;
+        if mass_kg <= 0.0 {
+            return whole;
+        }
+        let com = (of_whole * whole.mass_kg + of_part * part.mass_kg) / mass_kg;
+        // Steiner's theorem.
+        let about = |mass: f64, of: Vector3<f64>| {
+            let arm = of - com;
+            (Matrix3::identity() * arm.norm_squared() - arm * arm.transpose()) * mass
+        };
+        let inertia_kg_m2 = whole.inertia_kg_m2
+            + turned.matrix() * part.inertia_kg_m2 * turned.matrix().transpose()
+            + about(whole.mass_kg, of_whole)
+            + about(part.mass_kg, of_part);
+        Link { mass_kg, com_m: com.into(), inertia_kg_m2, ..whole }
     })
 }
 

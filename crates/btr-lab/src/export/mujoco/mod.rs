@@ -3,7 +3,7 @@
 mod defaults;
 mod step;
 
-use super::facts::{JointFacts, changed_links, joints, none_of};
+use super::facts::{JointFacts, changed_bodies, joints, none_of};
 use super::request::{Exported, Request, number, numbers};
 use super::rest;
 use super::xml::{Changes, ROUNDING, children, is_same, named, numbers_of};
@@ -23,7 +23,8 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
     }
     let mut file = File { text, document: &document, changes: Changes::default(), exported: Exported::default() };
     facts.iter().for_each(|joint| file.joint(joint));
-    changed_links(request).for_each(|link| file.link(link));
+    let has = |name: &str| named(&document, "body", name).is_some();
+    changed_bodies(request, has).iter().for_each(|link| file.link(link));
     let File { changes, mut exported, .. } = file;
     exported.text = changes.apply(text);
     exported.advice.extend(step::advice(&document, request.model.setup.dt_s));
