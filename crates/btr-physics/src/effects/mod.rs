@@ -62,6 +62,7 @@ effects! {
         command_rate_limit::CommandRateLimit,
         command_deadband::CommandDeadband,
         command_offset::CommandOffset,
+        command_scale::CommandScale,
     }
     body {
         payload::Payload,
@@ -79,7 +80,6 @@ effects! {
         encoder_scale::EncoderScale,
         encoder_offset::EncoderOffset,
         encoder_delay::EncoderDelay,
-        command_scale::CommandScale,
         torque_scale::TorqueScale,
         imu_bias::ImuBias,
         clock_skew::ClockSkew,
