@@ -102,6 +102,7 @@ SHOWN: Mapping[str, Shown] = {
     "encoder_scale": Shown(POSITION),
     "encoder_offset": Shown(POSITION),
     "encoder_delay": Shown(VELOCITY),
+    "encoder_lead": Shown(VELOCITY, site=""),
     "torque_scale": Shown(LOAD, prescribed=True),
     "clock_skew": Shown(TIME, repeated, site=""),
 }

@@ -39,6 +39,12 @@ impl SyntheticModel {
         self.logs.push(log(rows));
         self
     }
+
+    /// The same with the last log held out.
+    pub(crate) fn with_last_held_out(mut self) -> Self {
+        self.logs.iter_mut().last().into_iter().for_each(|log| log.held_out = true);
+        self
+    }
 }
 
 fn log(rows: usize) -> RecordedLog {

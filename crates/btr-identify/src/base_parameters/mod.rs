@@ -67,7 +67,7 @@ pub fn base_parameters(model: &LinearModel, groups: &[usize]) -> Result<BasePara
     let measure = ComparisonMeasure::of(&objective, &fit);
     let train = chi(fit.squares(), objective.samples(LogSet::Learn));
     let held_out = held_out(&objective, &fit)?;
-    let withheld = withheld(&objective, held_out.unwrap_or(train));
+    let withheld = withheld(&objective, train, held_out).map(|(_, why)| why);
     let given = if withheld.is_none() { Intervals::Given } else { Intervals::Withheld };
     let estimates = estimates(&objective, &fit, measure.inflation(), given);
     let parameters = objective.parameters();

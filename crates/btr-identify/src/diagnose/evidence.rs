@@ -2,7 +2,7 @@
 
 use super::own;
 use super::report::{Evidence, MissingEffect, Verdict};
-use super::thresholds::{AT_MOST, AT_MOST_UNSTABLE, CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY, STABLE};
+use super::thresholds::{AT_MOST, AT_MOST_UNSTABLE, CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY, NEGLIGIBLE, NOISE, STABLE};
 use crate::LadderStep;
 use crate::fit::residual_vector::{ResidualVector, chi, squares};
 use crate::fit::{FitPoint, LogSet, Objective};
@@ -16,6 +16,8 @@ pub(super) struct LogErrors {
     each: Vec<f64>,
     /// The mean square over the logs that judge it: the held-out ones, if there are any.
     pub(super) judged: f64,
+    /// The mean square over the training logs.
+    learnt: f64,
     /// Whether they are those of the channels where a candidate shows, and not all.
     in_own_channel: bool,
 }
@@ -30,12 +32,13 @@ impl LogErrors {
         }
         let mut each = by_log(objective, LogSet::Learn, Some(&fit.residual));
         each.extend(by_log(objective, LogSet::HeldOut, residual.as_ref()));
+        let learnt = chi(fit.squares(), objective.samples(LogSet::Learn));
         let judged = match (objective.logs(LogSet::HeldOut), held_out) {
-            ([], _) => chi(fit.squares(), objective.samples(LogSet::Learn)),
+            ([], _) => learnt,
             (_, Some(squares)) => chi(squares, objective.samples(LogSet::HeldOut)),
             (_, None) => f64::INFINITY,
         };
-        LogErrors { each, judged: judged.powi(2), in_own_channel: false }
+        LogErrors { each, judged: judged.powi(2), learnt: learnt.powi(2), in_own_channel: false }
     }
 
     /// The same in the channels of a candidate that does not show in all.
@@ -47,10 +50,13 @@ impl LogErrors {
                 .collect()
         };
         let (learnt, judged) = (errors(LogSet::Learn, Some(&fit.residual)), errors(LogSet::HeldOut, held_out));
+        let mean = |logs: &[(f64, usize)]| {
+            let (sum, samples) = logs.iter().fold((0.0, 0), |(sum, n), (squares, samples)| (sum + squares, n + samples));
+            sum / samples.max(1) as f64
+        };
         let judging = if judged.is_empty() { &learnt } else { &judged };
-        let (sum, samples) = judging.iter().fold((0.0, 0), |(sum, n), (squares, samples)| (sum + squares, n + samples));
         let each = learnt.iter().chain(&judged).map(|(squares, _)| *squares).collect();
-        LogErrors { each, judged: sum / samples.max(1) as f64, in_own_channel: true }
+        LogErrors { each, judged: mean(judging), learnt: mean(&learnt), in_own_channel: true }
     }
 }
 
@@ -112,6 +118,7 @@ impl Evidence {
             share: share(before.judged, after.judged, at_first),
             logs_better: better.count(),
             logs: after.each.len(),
+            removed: (before.judged - after.judged).max(before.learnt - after.learnt),
             leave_one_out_change: None,
             established: false,
             in_own_channel: after.in_own_channel,
@@ -142,8 +149,9 @@ pub(super) fn weigh(last: &LadderStep, at_first: f64, bound: NoiseBound, finding
         let evidence = &mut found.evidence;
         let in_most = evidence.logs_better as f64 >= IN_MOST_LOGS * evidence.logs as f64;
         let stable = evidence.leave_one_out_change.is_none_or(|change| change <= STABLE);
-        evidence.established = explained || (mostly && evidence.share >= CONSIDERABLE && in_most && stable);
-        if !stable {
+        let is_little = evidence.share < NEGLIGIBLE && evidence.removed < NOISE;
+        evidence.established = (explained && !is_little) || (mostly && evidence.share >= CONSIDERABLE && in_most && stable);
+        if !stable || is_little {
             found.probability = found.probability.min(AT_MOST_UNSTABLE);
         }
         if !explained {
@@ -167,7 +175,7 @@ mod tests {
     fn found(share: f64, logs_better: usize) -> MissingEffect {
         MissingEffect {
             kind: CandidateKind::Effect,
-            evidence: Evidence { share, logs_better, logs: 5, ..Evidence::default() },
+            evidence: Evidence { share, logs_better, logs: 5, removed: 99.0 * share, ..Evidence::default() },
             effect: "coulomb_friction".to_owned(),
             site: "elbow".to_owned(),
             alike: Vec::new(),
@@ -204,6 +212,19 @@ mod tests {
         let mut findings = [change(0.9)];
         assert_eq!(verdict(1.0, 1.0, &mut findings), Verdict::EffectMissing);
         assert!((findings[0].probability - AT_MOST_UNSTABLE).abs() < 1e-12, "{}", findings[0].probability);
+    }
+
+    #[test]
+    fn what_removes_less_than_the_noise_beside_a_large_finding_is_not_established() {
+        let little = |removed: f64| {
+            let mut little = found(0.001, 5);
+            little.evidence.removed = removed;
+            little
+        };
+        let mut findings = [found(0.99, 5), little(0.4), little(3.0)];
+        assert_eq!(verdict(1.0, 1.0, &mut findings), Verdict::EffectMissing);
+        assert_eq!(findings.each_ref().map(|found| found.evidence.established), [true, false, true]);
+        assert!((findings[1].probability - AT_MOST_UNSTABLE).abs() < 1e-12, "{}", findings[1].probability);
     }
 
     #[test]

@@ -13,6 +13,11 @@ use crate::fit::{FitPoint, LogSet, Objective};
 /// held-out logs do not confirm it.
 const SHOWN: f64 = 0.2;
 
+/// A rival whose gain in B falls short of the first's by less than this share gains nearly as much, ...
+const NEARLY: f64 = 0.5;
+/// ... and what leaves this many times its sum of squares on the held-out logs leaves far more.
+const FAR_MORE: f64 = 2.0;
+
 /// The first of the rivals, which are sorted by B, if the training logs show it clearly.
 fn unconfirmed(
     objective: &Objective,
@@ -77,7 +82,7 @@ pub(super) fn judge_rivals(
         state.unconfirmed = unconfirmed(objective, state, &measure, &rivals);
         return None;
     }
-    let (passing, contradicted) = contradicted_by_held_out(objective, &measure, best, passing);
+    let (passing, contradicted) = contradicted_by_held_out(objective, &measure, (before, best), passing);
     let best = passing.first().map_or(f64::INFINITY, |r| measure.criterion(&r.fit));
     let leader = passing.first()?;
     let inside = &candidates[leader.candidate].nested;
@@ -92,25 +97,34 @@ pub(super) fn judge_rivals(
     Some((winner, found))
 }
 
-/// The rivals, which pass and are sorted by B, without those that the training logs hardly tell from the first, but
-/// the held-out logs from one that leaves only noise there; and the candidates that are left out. Where all leave more,
-/// the simplest is the best first step, and which of them the held-out logs prefer says little.
+/// The rivals, which pass and are sorted by B, without those that the held-out logs contradict, and these.
+///
+/// Contradicted is what the training logs hardly tell from the first, but the held-out logs from one that leaves only
+/// noise there. Where all leave more, the simplest is the best first step, and which of them the held-out logs prefer
+/// says little, unless one that gains nearly as much leaves far less: what gained more fits the training logs' other
+/// cause.
 fn contradicted_by_held_out<'a>(
     objective: &Objective,
     measure: &ComparisonMeasure,
-    best: f64,
+    (before, best): (f64, f64),
     passing: Vec<(&'a Rival, &Option<f64>)>,
 ) -> (Vec<&'a Rival>, Vec<usize>) {
-    let close = |r: &Rival| measure.criterion(&r.fit) - best <= DECISIVE;
-    let lowest = passing.iter().filter(|(r, _)| close(r)).filter_map(|(_, squares)| **squares);
-    let lowest = lowest.fold(f64::INFINITY, f64::min);
-    let is_noise = chi(lowest, objective.samples(LogSet::HeldOut)) <= objective.noise_bound();
+    let behind = |r: &Rival| measure.criterion(&r.fit) - best;
+    let lowest = |within: f64| {
+        let squares = passing.iter().filter(|(r, _)| behind(r) <= within).filter_map(|(_, squares)| **squares);
+        squares.fold(f64::INFINITY, f64::min)
+    };
+    let (nearly, close) = (lowest(NEARLY * (before - best)), lowest(DECISIVE));
+    let is_noise = chi(close, objective.samples(LogSet::HeldOut)) <= objective.noise_bound();
     let contradicted = |r: &Rival, squares: &Option<f64>| {
         let squares = squares.unwrap_or(0.0);
-        close(r) && measure.scaled(squares - lowest) > DECISIVE && squares > (1.0 + HELD_OUT_FALL) * lowest
+        let by_noise = is_noise
+            && behind(r) <= DECISIVE
+            && measure.scaled(squares - close) > DECISIVE
+            && squares > (1.0 + HELD_OUT_FALL) * close;
+        by_noise || (!is_noise && squares > FAR_MORE * nearly)
     };
-    let (out, left): (Vec<_>, Vec<_>) =
-        passing.into_iter().partition(|(r, squares)| is_noise && contradicted(r, squares));
+    let (out, left): (Vec<_>, Vec<_>) = passing.into_iter().partition(|(r, squares)| contradicted(r, squares));
     (left.into_iter().map(|(r, _)| r).collect(), out.iter().map(|(r, _)| r.candidate).collect())
 }
 

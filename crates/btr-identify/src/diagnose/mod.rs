@@ -161,6 +161,9 @@ fn go_on(
         state.drop_needless(objective);
         state.split(objective, |_, _| true, on_step);
     }
+    if !objective.is_stopped() {
+        state.tell_apart(objective);
+    }
     if !cut_short && !objective.is_stopped() {
         weigh_pairs(objective, &mut state, on_step);
     }
@@ -201,8 +204,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
     let last = state.ladder.last().map_or(f64::INFINITY, |step| step.held_out.unwrap_or(step.train));
     let learnt = state.ladder.last().map_or(f64::INFINITY, |step| step.train);
     let integrator_error = state.fit.held_out_step_error(objective).max(state.integrator);
-    let roughly = objective.description.has_contact || objective.description.is_chaotic;
-    let bound = NoiseBound { noise: objective.noise_bound(), roughly };
+    let bound = NoiseBound { noise: objective.noise_bound(), roughly: objective.has_rough_floors() };
     for found in &mut state.chosen {
         found.evidence.leave_one_out_change = evidence::leave_one_out_change(objective, &state.fit, found.candidate);
     }

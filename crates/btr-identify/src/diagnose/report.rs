@@ -85,6 +85,9 @@ pub enum Verdict {
 pub struct Evidence {
     /// The share of the squared error above the noise that it explains, on held-out logs if there are any.
     pub share: f64,
+    /// The mean square error that it removes, in multiples of the noise's: on training or held-out logs, whichever is
+    /// larger.
+    pub removed: f64,
     /// Whether the share is of the error in the channel of its joint alone, as where the motion is prescribed.
     pub in_own_channel: bool,
     /// In how many logs, held-out ones included, the error is smaller with it...
@@ -94,8 +97,8 @@ pub struct Evidence {
     /// By what share of it the finding's size changes at most if one of the training logs is left out; none with one
     /// log alone.
     pub leave_one_out_change: Option<f64>,
-    /// Whether it is established: what is found explains the error, or it explains a considerable share of it in
-    /// nearly all logs. Otherwise it also helps a little.
+    /// Whether it is established: what is found explains the error and this is more than a negligible part of it, or it
+    /// explains a considerable share of it in nearly all logs. Otherwise it also helps a little.
     pub established: bool,
 }
 

@@ -18,6 +18,12 @@ pub const EXPLAINED: f64 = 1.5;
 /// Smallest share of the squared error above the noise that the findings explain, for the rest to be called a rest,
 /// unless it is below [`EXPLAINED`]: stand-ins for an unknown effect explain nine tenths now and then.
 pub const MOSTLY: f64 = 0.98;
+/// A finding that explains less than this share of the squared error above the noise...
+pub const NEGLIGIBLE: f64 = 0.01;
+/// ... and removes less than this mean square, in multiples of the noise's, from training and held-out logs, is not
+/// established even where all is explained: two simulators of one model differ by as much, and a stand-in for the
+/// difference is as good as the next one.
+pub const NOISE: f64 = 1.0;
 /// Smallest share that a finding explains by itself, while others leave an error, to be established...
 pub const CONSIDERABLE: f64 = 0.05;
 /// ... and smallest share of the logs in which it must lower the error.

@@ -18,6 +18,24 @@ fn what_was_alike_is_compared_again_once_the_rest_is_known() {
     assert!(steps.contains(&"right@here for simple@here"), "{steps:?}");
 }
 
+/// The same, with the right law named at once: the other one is not alike any more.
+#[test]
+fn what_was_alike_and_explains_less_beside_the_rest_is_told_apart() {
+    let ask = |differs: f64| {
+        let motion = move |u: &[f64], log: usize, t: f64, _: f64| {
+            let part = |rate: f64| swing(rate, log, t);
+            u[0] * part(3.0) + u[1] * part(5.0) + u[2] * (part(5.0) + differs * part(7.0)) + u[3] * part(11.0)
+        };
+        SyntheticModel::new(&["right", "similar", "other"], &[0.4, 20.0, 0.0, 15.0], motion).diagnosis()
+    };
+    let told = ask(0.05);
+    assert_eq!((told.verdict, names(&told)), (Verdict::EffectMissing, vec!["right", "other"]));
+    assert!(told.effects[0].alike.is_empty() && told.effects[0].probability > 0.99, "{:?}", told.effects[0]);
+    let alike = ask(0.001);
+    assert_eq!((names(&alike), &*alike.effects[0].alike), (vec!["right", "other"], &["similar@here".to_owned()][..]));
+    assert!(alike.effects[0].probability < 0.9, "{}", alike.effects[0].probability);
+}
+
 /// Friction, its creep, which does nothing without it, and an effect that comes closer than friction alone.
 fn friction_that_creeps(truth: &[f64]) -> SyntheticModel {
     let motion = |u: &[f64], log: usize, t: f64, _: f64| {
@@ -159,6 +177,20 @@ fn held_out_logs_decide_where_the_training_logs_do_not() {
     assert!(told.effects[0].alike.is_empty() && told.effects[0].probability > 0.99, "{:?}", told.effects);
     let alike = ask(0.0);
     assert_eq!((names(&alike), alike.effects[0].alike.as_slice()), (vec!["first"], &["second@here".to_owned()][..]));
+}
+
+/// In the training logs, the first effect moves as two others do together; in the held-out log it hardly does.
+#[test]
+fn what_explains_far_more_of_the_held_out_logs_comes_first() {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        let part = |rate: f64| swing(rate, log, t);
+        let mixture = if log == 2 { 0.2 * part(5.0) } else { part(5.0) + 0.3 * part(11.0) };
+        u[0] * part(3.0) + u[1] * mixture + u[2] * part(5.0) + u[3] * part(11.0)
+    };
+    let diagnosis = SyntheticModel::new(&["mixture", "first", "second"], &[0.4, 0.0, 9.0, 2.7], motion).diagnosis();
+    let best = &diagnosis.rounds[0][0];
+    assert!(best.name == "mixture@here", "{:?}", diagnosis.rounds[0]);
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["first", "second"]));
 }
 
 /// The first effect explains most of two others together, one of which shows in the training logs alone.

@@ -80,6 +80,7 @@ effects! {
         encoder_scale::EncoderScale,
         encoder_offset::EncoderOffset,
         encoder_delay::EncoderDelay,
+        encoder_lead::EncoderLead,
         torque_scale::TorqueScale,
         imu_bias::ImuBias,
         clock_skew::ClockSkew,

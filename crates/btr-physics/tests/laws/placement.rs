@@ -139,6 +139,23 @@ fn a_fast_clock_stretches_what_was_measured() {
 }
 
 #[test]
+fn readings_with_a_lead_are_those_of_later_samples() {
+    let setup = fast(0.001, 0.5);
+    let plain = run(&arm(), &setup, &hold(0.0));
+    let early = run_with(&arm(), &[placed("encoder_lead", "*", &[0.02])], &setup, &hold(0.0));
+    for name in ["q_shoulder", "q_elbow", "dq_elbow"] {
+        let values = plain.values(name).unwrap();
+        let end = values.len() - 20;
+        for (i, value) in early.values(name).unwrap()[..end].iter().enumerate() {
+            assert!((value - values[i + 20]).abs() < 1e-6, "{name}[{i}]");
+        }
+    }
+    // Beyond the end, a joint goes on at its last velocity.
+    let expected = last(&plain, "q_elbow") + 0.02 * last(&plain, "dq_elbow");
+    assert!((last(&early, "q_elbow") - expected).abs() < 1e-9, "{} and {expected}", last(&early, "q_elbow"));
+}
+
+#[test]
 fn an_imu_bias_is_added_to_the_readings() {
     let sensors = Sensors { velocities: true, torques: true, imu: true, feet: true };
     let setup = Setup { dt_s: 0.002, control_s: 0.01, duration_s: 0.2, sensors, ..Setup::default() };

@@ -1,5 +1,6 @@
 //! How findings are replaced: by a simpler effect that will do, or by one that could not be told from them before.
 
+mod alike;
 mod split;
 
 use crate::LadderStep;
@@ -92,24 +93,31 @@ impl DiagnosisState {
         race(objective, &bases, &starts, None).into_iter().next()
     }
 
-    /// Starts of candidates in the place of one of the chosen, from the values of its parameters of the same names: far
-    /// from the logs without it, no probe predicts much.
+    /// Starts of candidates in the place of one of the chosen, from the values of its parameters of the same names, or
+    /// else, for a law that it contains, from the mean of its amplitudes of the same unit (Coulomb's friction inside one
+    /// that depends on the direction): far from the logs without it, no probe predicts much.
     fn carried_over(&self, objective: &Objective, index: usize, candidates: &[usize]) -> Vec<StartPoint> {
         let parameters = objective.parameters();
         let name =
             |k: usize| parameters[k].name.split_once('.').and_then(|(_, rest)| rest.split_once('@')).map(|n| n.0);
-        let found: Vec<usize> = objective.candidates()[self.chosen[index].candidate].parameters().collect();
+        let chosen = &objective.candidates()[self.chosen[index].candidate];
+        let found: Vec<usize> = chosen.parameters().collect();
+        let value = |k: &usize| parameters[*k].value(self.fit.u[*k]);
         let start = |&candidate: &usize| {
             let effect = &objective.candidates()[candidate];
+            let same = |k: usize| found.iter().find(|&&other| name(k).is_some() && name(other) == name(k));
+            let mut carried: Vec<(usize, f64)> =
+                effect.parameters().filter_map(|k| Some((k, value(same(k)?)))).collect();
+            if carried.is_empty() && chosen.nested.contains(&candidate) {
+                let of_unit =
+                    |k: usize| chosen.amplitudes.iter().filter(move |&&o| parameters[o].unit == parameters[k].unit);
+                let mean = |k: usize| of_unit(k).map(value).sum::<f64>() / of_unit(k).count() as f64;
+                carried.extend(effect.amplitudes.iter().map(|&k| (k, mean(k))).filter(|(_, mean)| mean.is_finite()));
+            }
             let mut u = self.fit.u.clone();
             found.iter().for_each(|&k| u[k] = 0.0);
             effect.shapes.iter().zip(&effect.starts[0]).for_each(|(&k, &shape)| u[k] = shape);
-            let same = |k: usize| found.iter().find(|&&other| name(k).is_some() && name(other) == name(k));
-            let carried: Vec<(usize, usize)> = effect.parameters().filter_map(|k| Some((k, *same(k)?))).collect();
-            for &(k, other) in &carried {
-                let value = parameters[other].value(self.fit.u[other]);
-                u[k] = parameters[k].clamp(parameters[k].coordinate(value));
-            }
+            carried.iter().for_each(|&(k, value)| u[k] = parameters[k].clamp(parameters[k].coordinate(value)));
             (!carried.is_empty()).then_some(StartPoint { candidate, base: 0, u, cost: f64::INFINITY })
         };
         candidates.iter().filter_map(start).collect()

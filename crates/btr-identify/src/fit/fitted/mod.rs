@@ -178,14 +178,19 @@ fn finish(objective: &mut Objective, mut fit: FitPoint, ladder: &mut LadderRecor
     (fit, ended, integrator_error)
 }
 
-/// Why intervals are withheld where this error is left; `None` where it is noise.
-pub(crate) fn withheld(objective: &Objective, error: f64) -> Option<String> {
-    (error > objective.noise_bound()).then(|| {
-        format!(
-            "the error is still {error:.2} times {}: something is missing, and any interval would be wrong",
-            if objective.description.has_runs { "what runs of the same command differ by" } else { "the noise floor" }
-        )
-    })
+/// Why intervals are withheld where these errors are left, and the larger one; `None` where both are noise. Where the
+/// noise floors are only roughly known, the held-out logs decide.
+pub(crate) fn withheld(objective: &Objective, train: f64, held_out: Option<f64>) -> Option<(f64, String)> {
+    let judged = held_out.unwrap_or(train);
+    let error = if objective.has_rough_floors() { judged } else { judged.max(train) };
+    let unit =
+        if objective.description.has_runs { "what runs of the same command differ by" } else { "the noise floor" };
+    let logs = if error > judged { " on the training logs" } else { "" };
+    let why = || {
+        let left = format!("the error{logs} is still {error:.2} times {unit}");
+        (error, format!("{left}: something is missing, and any interval would be wrong"))
+    };
+    (error > objective.noise_bound()).then(why)
 }
 
 fn conclude(
@@ -193,19 +198,18 @@ fn conclude(
     (fit, ended, integrator_error): FinishedSearch,
     ladder: LadderRecorder,
 ) -> FitResult {
-    let ladder_error = ladder.error();
-    let withheld = withheld(objective, ladder_error);
+    let (train, held_out) = ladder.steps.last().map_or((f64::INFINITY, None), |step| (step.train, step.held_out));
+    let (left_error, withheld) = withheld(objective, train, held_out).unzip();
     let integrator_error = integrator_error.max(fit.held_out_step_error(objective));
     let rollouts = objective.rollouts();
     let left = remaining(objective, &fit.u);
     let degree = if withheld.is_none() { Degree::of_noise(&left) } else { Degree::Unexplained };
     let intervals = if withheld.is_none() { Intervals::Given } else { Intervals::Withheld };
     let inflation = ComparisonMeasure::of(objective, &fit).inflation();
-    let (train, held_out) = ladder.steps.last().map_or((f64::INFINITY, None), |step| (step.train, step.held_out));
     FitResult {
         parameters: estimates(objective, &fit, inflation, intervals).into_iter().map(|(_, e)| e).collect(),
         null_directions: null_directions(objective.parameters(), &fit),
-        posterior: Posterior::of(objective, &fit, inflation, withheld.is_some().then_some(ladder_error)),
+        posterior: Posterior::of(objective, &fit, inflation, left_error),
         integrator_error,
         fit,
         train,
@@ -242,6 +246,28 @@ mod tests {
     fn left(truth: f64, rate: f64) -> Vec<f64> {
         let swing = |rate: f64, row: usize| 30.0 * (rate * row as f64 * 0.05).cos();
         (0..120).map(|row| swing(truth, row) - swing(rate, row)).collect()
+    }
+
+    /// What a constant leaves of itself at 0.5 with noise, and another motion in some of the rows.
+    fn left_beside(constant: f64, disturbed: std::ops::Range<usize>) -> Vec<f64> {
+        let noise = |row: usize| if row.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let other = |row: usize| if disturbed.contains(&row) { 2.0 * (row as f64).sin() } else { 0.0 };
+        (0..120).map(|row| 0.5 - constant + noise(row) + other(row)).collect()
+    }
+
+    #[test]
+    fn intervals_are_withheld_where_the_training_logs_or_the_held_out_ones_leave_more_than_noise() {
+        // A constant, noise of 1 and what no constant explains, in the first or in the last 60 rows.
+        let asked = |residual: fn(&[f64]) -> Vec<f64>| {
+            let constant = parameter(Parametrisation::Linear, 0.0, 1.0);
+            let model = SyntheticModel::new(vec![constant], 60, residual).and_log(60).with_last_held_out();
+            fitted(&mut Objective::new(&model), &|_| {}).unwrap().withheld
+        };
+        assert_eq!(asked(|values| left_beside(values[0], 120..120)), None);
+        let of_training = asked(|values| left_beside(values[0], 0..60)).unwrap();
+        assert!(of_training.contains("on the training logs"), "{of_training}");
+        let of_held_out = asked(|values| left_beside(values[0], 60..120)).unwrap();
+        assert!(!of_held_out.contains("training"), "{of_held_out}");
     }
 
     #[test]

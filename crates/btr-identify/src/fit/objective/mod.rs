@@ -176,6 +176,11 @@ impl<'a> Objective<'a> {
         self.description.noise_bound
     }
 
+    /// Whether small errors grow, so that the noise floors are only roughly known.
+    pub fn has_rough_floors(&self) -> bool {
+        self.description.has_contact || self.description.is_chaotic
+    }
+
     /// The logs of a set, as indices.
     pub fn logs(&self, logs: LogSet) -> &[usize] {
         match logs {

@@ -1,10 +1,10 @@
 //! Recorder whose clock runs fast or slow against the robot's: the shift of the measurements grows with time.
 //!
-//! Beyond the end of a run (a clock that runs slow) the last readings are held.
+//! Beyond the end of a run (a clock that runs slow), positions go on at the last velocity.
 
 use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
-use crate::effects::readings::resample;
-use btr_core::log::{Log, Role};
+use crate::effects::readings::resample_measured;
+use btr_core::log::Log;
 
 pub(in crate::effects) struct ClockSkew;
 
@@ -16,7 +16,7 @@ static SPEC: EffectSpec = EffectSpec {
     symptom: "an error like a delay's that grows over the run",
     params: &[Param::new("skew", "1", (-0.05, 0.05), 0.01)],
     starts: &[],
-    similar: &["encoder_delay"],
+    similar: &["encoder_delay", "encoder_lead"],
     nested: &[],
 };
 
@@ -27,10 +27,6 @@ impl Effect for ClockSkew {
 
     fn sense(&self, p: &[f64], _site: &str, log: &mut Log) {
         let measured_s: Vec<f64> = log.clock_s().iter().map(|t| t / (1.0 + p[0])).collect();
-        let measured = log.channels().filter(|(_, channel)| channel.role == Role::Measured);
-        let names: Vec<String> = measured.map(|(name, _)| name.to_owned()).collect();
-        // Positions first: their interpolation uses the original velocities.
-        let (positions, others): (Vec<&String>, Vec<&String>) = names.iter().partition(|name| name.starts_with("q_"));
-        positions.into_iter().chain(others).for_each(|name| resample(log, name, &measured_s));
+        resample_measured(log, &measured_s);
     }
 }
