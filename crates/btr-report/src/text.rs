@@ -186,41 +186,6 @@ pub fn corrected(value: &CorrectedValue) -> Vec<String> {
     vec![estimate.name.clone(), number(*in_model), number(estimate.value), estimate.unit.clone(), interval(estimate)]
 }
 
-/// A size that changes by this share without one of the logs is not known from the others.
-const LOST: f64 = 1.0;
-
-/// What speaks for a finding besides its fit.
-pub fn evidence(support: &Support) -> String {
-    let Support { share, logs_better: [better, of], leave_one_out_change, established, in_own_channel, .. } = support;
-    let in_channel = if *in_own_channel { " of its joint's torque" } else { "" };
-    let mut by = format!(
-        "it explains {:.0} % of the squared error{in_channel} above the noise, in {better} of {of} logs",
-        100.0 * share
-    );
-    if let Some(change) = leave_one_out_change {
-        by += &match change {
-            change if *change < LOST => {
-                format!("; leaving out any one log changes its size by at most {:.0} %", (100.0 * change).ceil())
-            }
-            _ => "; without one of the logs its size would be unknown".to_owned(),
-        };
-    }
-    if *established { by } else { format!("{by}: not established, it may stand in for something else") }
-}
-
-/// What a probability means.
-pub const PROBABILITY: &str = "probability: how likely this name is the right one of all that were fitted; in the benchmark, \
-                               357 of 361 names with 0.99 or more were right (docs/reliability.md)";
-
-/// A probability with two digits, never certain.
-pub fn probability(p: f64) -> String {
-    match p {
-        p if p > 0.99 => ">0.99".to_owned(),
-        p if p < 0.01 => "<0.01".to_owned(),
-        p => format!("{p:.2}"),
-    }
-}
-
 /// A free parameter that may stand in for an effect.
 pub fn stand_in(stand_in: &StandIn) -> String {
     let StandIn { parameter, unit, in_model, value, effects } = stand_in;

@@ -17,11 +17,10 @@ use btr_lab::output::{OutputKind, Overwrite, guard, inputs};
 use btr_lab::verbs;
 use btr_lab::verbs::{DiagnoseReport, Support, VerbInput};
 use btr_report::Subject;
+use btr_report::finding::{PROBABILITY, capped, evidence, helps, likelihood, rivals};
 use btr_report::html;
 use btr_report::table::{Table, number};
-use btr_report::text::{
-    PROBABILITY, alike, diagnose_command, evidence, findings, fit_command, probability, stand_in, what_remains,
-};
+use btr_report::text::{alike, diagnose_command, findings, fit_command, stand_in, what_remains};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -127,7 +126,8 @@ fn word_of(verdict: Verdict) -> String {
 
 fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject, interrupted: bool) {
     println!();
-    say(Tone::Lead, &sentence(report));
+    let so_far = if report.cut_short { "cut short; so far: " } else { "" };
+    say(Tone::Lead, &format!("{so_far}{}", sentence(report)));
     if report.cut_short {
         say(Tone::Doubtful, &stopped(report, args, interrupted));
     }
@@ -196,16 +196,18 @@ fn stopped(report: &DiagnoseReport, args: &DiagnoseArgs, interrupted: bool) -> S
             format!("after {} rollouts, about the usual number (--max-rollouts sets another)", report.rollouts)
         }
     };
-    format!("stopped {limit} before the search had finished: this is the best so far")
+    format!("the search was stopped {limit}: what it had not tried yet may explain the logs as well, or better")
 }
 
 /// A finding and what speaks for it.
 fn finding(name: &str, support: &Support) {
-    let (sure, delta) = (probability(support.probability), number(support.delta_bic));
+    let (sure, delta) = (likelihood(support), number(support.delta_bic));
     say(Tone::Lead, &format!("\n{name}   probability {sure}   delta BIC {delta}"));
     if !support.alike.is_empty() {
         say(Tone::Doubtful, &format!("  these logs cannot tell it from: {}", support.alike.join(", ")));
     }
+    capped(support).iter().for_each(|why| say(Tone::Doubtful, &format!("  {why}")));
+    rivals(support).iter().for_each(|who| say(Tone::Plain, &format!("  {who}")));
     say(Tone::Plain, &format!("  {}", evidence(support)));
 }
 
@@ -227,9 +229,12 @@ fn sentence(report: &DiagnoseReport) -> String {
         (Verdict::NothingMissing, _) => {
             format!("nothing is missing{}: {}", judged(report), what_remains(report.degree))
         }
+        (Verdict::Unexplained, true) if report.cut_short => {
+            format!("unexplained: nothing that was tried helps; {share}")
+        }
         (Verdict::Unexplained, true) => format!("unexplained: no effect of the library helps; {share}"),
         (Verdict::Unexplained, false) => {
-            format!("unexplained: {} helps but does not explain the error; {share}", helping.join("; "))
+            format!("unexplained: {} {} explain the error; {share}", helping.join("; "), helps(report))
         }
     }
 }

@@ -1,5 +1,6 @@
 //! How a diagnosis begins, and a fit of effects that are known to act: each from where a diagnosis would begin it.
 
+use super::evidence::MeanSquares;
 use super::report::{DiagnoseOptions, MissingEffect, SecondLooks};
 use super::round::rivals;
 use super::state::DiagnosisState;
@@ -24,7 +25,7 @@ pub(super) fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) ->
         settled: Vec::new(),
         left_over: None,
         integrator: fit.renew_step_error(objective),
-        unexplained_at_first: 0.0,
+        unexplained_at_first: MeanSquares::default(),
     };
     state.fit = fit;
     state.record(objective, "model as it stands".to_owned(), on_step);

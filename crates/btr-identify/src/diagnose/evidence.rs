@@ -1,8 +1,10 @@
 //! What speaks for the findings, and the verdict.
 
 use super::own;
-use super::report::{Evidence, MissingEffect, Verdict};
-use super::thresholds::{AT_MOST, AT_MOST_UNSTABLE, CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY, NEGLIGIBLE, NOISE, STABLE};
+use super::report::{CapReason, Evidence, MissingEffect, Verdict};
+use super::thresholds::{
+    AT_MOST, AT_MOST_LITTLE, AT_MOST_UNSTABLE, CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY, NEGLIGIBLE, NOISE, STABLE,
+};
 use crate::LadderStep;
 use crate::fit::residual_vector::{ResidualVector, chi, squares};
 use crate::fit::{FitPoint, LogSet, Objective};
@@ -10,14 +12,33 @@ use crate::residual_model::CandidateKind;
 use nalgebra::DVector;
 use std::ops::Range;
 
+/// The mean square errors of a fit.
+#[derive(Clone, Copy, Default)]
+pub(super) struct MeanSquares {
+    /// Over the training logs.
+    learnt: f64,
+    /// Over the logs that judge it: the held-out ones, if there are any.
+    pub(super) judged: f64,
+}
+
+impl MeanSquares {
+    /// The larger one of each.
+    pub(super) fn max(self, other: Self) -> Self {
+        MeanSquares { learnt: self.learnt.max(other.learnt), judged: self.judged.max(other.judged) }
+    }
+
+    /// By how much they are above others, on the logs where it is more.
+    fn most_above(self, other: Self) -> f64 {
+        (self.judged - other.judged).max(self.learnt - other.learnt)
+    }
+}
+
 /// The squared errors of a fit.
 pub(super) struct LogErrors {
     /// Log by log.
     each: Vec<f64>,
-    /// The mean square over the logs that judge it: the held-out ones, if there are any.
-    pub(super) judged: f64,
-    /// The mean square over the training logs.
-    learnt: f64,
+    /// Over the logs.
+    pub(super) mean: MeanSquares,
     /// Whether they are those of the channels where a candidate shows, and not all.
     in_own_channel: bool,
 }
@@ -38,7 +59,8 @@ impl LogErrors {
             (_, Some(squares)) => chi(squares, objective.samples(LogSet::HeldOut)),
             (_, None) => f64::INFINITY,
         };
-        LogErrors { each, judged: judged.powi(2), learnt: learnt.powi(2), in_own_channel: false }
+        let mean = MeanSquares { learnt: learnt.powi(2), judged: judged.powi(2) };
+        LogErrors { each, mean, in_own_channel: false }
     }
 
     /// The same in the channels of a candidate that does not show in all.
@@ -50,13 +72,14 @@ impl LogErrors {
                 .collect()
         };
         let (learnt, judged) = (errors(LogSet::Learn, Some(&fit.residual)), errors(LogSet::HeldOut, held_out));
-        let mean = |logs: &[(f64, usize)]| {
-            let (sum, samples) = logs.iter().fold((0.0, 0), |(sum, n), (squares, samples)| (sum + squares, n + samples));
+        let mean_of = |errors: &[(f64, usize)]| {
+            let (sum, samples) = errors.iter().fold((0.0, 0), |(sum, n), (squares, rows)| (sum + squares, n + rows));
             sum / samples.max(1) as f64
         };
         let judging = if judged.is_empty() { &learnt } else { &judged };
+        let mean = MeanSquares { learnt: mean_of(&learnt), judged: mean_of(judging) };
         let each = learnt.iter().chain(&judged).map(|(squares, _)| *squares).collect();
-        LogErrors { each, judged: mean(judging), learnt: mean(&learnt), in_own_channel: true }
+        LogErrors { each, mean, in_own_channel: true }
     }
 }
 
@@ -77,9 +100,9 @@ fn by_log(objective: &Objective, logs: LogSet, residual: Option<&ResidualVector>
     rows(objective, logs).into_iter().map(error).collect()
 }
 
-/// By what share of it the size of a candidate changes at most if one of the training logs is left out: one
-/// Gauss-Newton step from the fit to all logs. `None` with one log alone.
-pub(super) fn leave_one_out_change(objective: &Objective, fit: &FitPoint, candidate: usize) -> Option<f64> {
+/// The training log without which the size of a candidate changes most, and by what share of it: one Gauss-Newton step
+/// from the fit to all logs. `None` with one log alone.
+pub(super) fn leave_one_out(objective: &Objective, fit: &FitPoint, candidate: usize) -> Option<(usize, f64)> {
     let (jacobian, logs) = (fit.jacobian.as_ref()?, rows(objective, LogSet::Learn));
     if logs.len() < 2 {
         return None;
@@ -95,7 +118,8 @@ pub(super) fn leave_one_out_change(objective: &Objective, fit: &FitPoint, candid
         Some(changes.map(|(_, by)| by.abs() / size).fold(0.0, f64::max))
     };
     let changes: Option<Vec<f64>> = logs.into_iter().map(without).collect();
-    changes.map(|changes| changes.into_iter().fold(0.0, f64::max)).filter(|change| change.is_finite())
+    let most = objective.logs(LogSet::Learn).iter().copied().zip(changes?).max_by(|(_, a), (_, b)| a.total_cmp(b));
+    most.filter(|(_, change)| change.is_finite())
 }
 
 /// The share of the mean square error above the noise, `at_first`, that is gone where it falls from `before` to
@@ -110,16 +134,18 @@ fn share(before: f64, after: f64, at_first: f64) -> f64 {
 }
 
 impl Evidence {
-    /// What speaks for a finding that changed the errors from `before`; `at_first` is the mean square error before the
-    /// first finding.
-    pub(super) fn of(before: &LogErrors, after: &LogErrors, at_first: f64) -> Self {
+    /// What speaks for a finding that changed the errors from `before`; `at_first` are those before the first
+    /// finding.
+    pub(super) fn of(before: &LogErrors, after: &LogErrors, at_first: MeanSquares) -> Self {
         let better = before.each.iter().zip(&after.each).filter(|(before, after)| after < before);
         Evidence {
-            share: share(before.judged, after.judged, at_first),
+            share: share(before.mean.judged, after.mean.judged, at_first.judged),
+            learnt_share: share(before.mean.learnt, after.mean.learnt, at_first.learnt),
             logs_better: better.count(),
             logs: after.each.len(),
-            removed: (before.judged - after.judged).max(before.learnt - after.learnt),
+            removed: before.mean.most_above(after.mean),
             leave_one_out_change: None,
+            leave_one_out_log: None,
             established: false,
             in_own_channel: after.in_own_channel,
         }
@@ -149,14 +175,18 @@ pub(super) fn weigh(last: &LadderStep, at_first: f64, bound: NoiseBound, finding
         let evidence = &mut found.evidence;
         let in_most = evidence.logs_better as f64 >= IN_MOST_LOGS * evidence.logs as f64;
         let stable = evidence.leave_one_out_change.is_none_or(|change| change <= STABLE);
-        let is_little = evidence.share < NEGLIGIBLE && evidence.removed < NOISE;
-        evidence.established = (explained && !is_little) || (mostly && evidence.share >= CONSIDERABLE && in_most && stable);
-        if !stable || is_little {
-            found.probability = found.probability.min(AT_MOST_UNSTABLE);
+        let is_little = evidence.share.max(evidence.learnt_share) < NEGLIGIBLE && evidence.removed < NOISE;
+        let is_considerable = mostly && evidence.share >= CONSIDERABLE && in_most && stable;
+        evidence.established = (explained && !is_little) || is_considerable;
+        if is_little {
+            found.cap(AT_MOST_LITTLE, CapReason::LittleExplained);
+        }
+        if !stable {
+            found.cap(AT_MOST_UNSTABLE, CapReason::UnstableSize);
         }
         if !explained {
             // The likelihood takes what is left for noise. It is not: another cause may be behind all of it.
-            found.probability *= share.min(AT_MOST);
+            found.lower(share.min(AT_MOST), CapReason::ErrorLeft);
         }
     }
     let named = || findings.iter().filter(|found| found.evidence.established);
@@ -171,15 +201,25 @@ pub(super) fn weigh(last: &LadderStep, at_first: f64, bound: NoiseBound, finding
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::report::ProbabilityCap;
 
     fn found(share: f64, logs_better: usize) -> MissingEffect {
         MissingEffect {
             kind: CandidateKind::Effect,
-            evidence: Evidence { share, logs_better, logs: 5, removed: 99.0 * share, ..Evidence::default() },
+            evidence: Evidence {
+                share,
+                learnt_share: share,
+                logs_better,
+                logs: 5,
+                removed: 99.0 * share,
+                ..Evidence::default()
+            },
             effect: "coulomb_friction".to_owned(),
             site: "elbow".to_owned(),
             alike: Vec::new(),
             probability: 1.0,
+            rivals: Vec::new(),
+            probability_cap: None,
             delta_bic: 100.0,
             parameters: Vec::new(),
             candidate: 0,
@@ -212,6 +252,12 @@ mod tests {
         let mut findings = [change(0.9)];
         assert_eq!(verdict(1.0, 1.0, &mut findings), Verdict::EffectMissing);
         assert!((findings[0].probability - AT_MOST_UNSTABLE).abs() < 1e-12, "{}", findings[0].probability);
+        let cap = ProbabilityCap { at_most: AT_MOST_UNSTABLE, reasons: vec![CapReason::UnstableSize] };
+        assert_eq!(findings[0].probability_cap, Some(cap));
+        // Where it has less, nothing is capped.
+        let mut findings = [MissingEffect { probability: 0.5, ..change(0.9) }];
+        verdict(1.0, 1.0, &mut findings);
+        assert_eq!((findings[0].probability.to_bits(), &findings[0].probability_cap), (0.5_f64.to_bits(), &None));
     }
 
     #[test]
@@ -243,6 +289,8 @@ mod tests {
         assert_eq!(verdict(1.4, 1.4, &mut findings), Verdict::PartlyExplained);
         assert_eq!(findings.each_ref().map(|found| found.evidence.established), [true, false, false]);
         assert!(findings.iter().all(|found| found.probability <= AT_MOST));
+        let cap = ProbabilityCap { at_most: AT_MOST, reasons: vec![CapReason::ErrorLeft] };
+        assert_eq!(findings[0].probability_cap, Some(cap));
         let mut findings = [found(0.9, 5)];
         assert_eq!(verdict(4.0, 4.0, &mut findings), Verdict::Unexplained);
         let mut findings = [found(0.5, 5)];

@@ -2,7 +2,7 @@
 
 use super::own;
 use super::refit::Rival;
-use super::report::{MissingEffect, RankedCandidate, RivalPoint};
+use super::report::{MissingEffect, RankedCandidate, RivalPoint, RivalProbability};
 use super::state::{DiagnosisState, earns_its_parameters};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, INDISTINCT, LEARNT_FALL, TIE};
 use crate::fit::measure::{ComparisonMeasure, held_out_squares, judge};
@@ -91,9 +91,9 @@ pub(super) fn judge_rivals(
     let tied = |r: &&Rival| measure.criterion(&r.fit) - best <= TIE || will_do(r);
     let winner = passing.iter().copied().filter(tied).min_by_key(|r| (r.fit.active.len(), r.candidate))?.clone();
     // A law that the leader contains and that will do stands for the leader as well.
-    let stands_for = will_do(&winner).then_some(best);
+    let stands_for = will_do(&winner).then(|| (*leader).clone());
     rivals.retain(|r| !contradicted.contains(&r.candidate));
-    let found = named(objective, state, &measure, &rivals, &winner, (best, stands_for));
+    let found = named(objective, state, &measure, &rivals, &winner, (best, stands_for.as_ref()));
     Some((winner, found))
 }
 
@@ -129,14 +129,14 @@ fn contradicted_by_held_out<'a>(
 }
 
 /// The winner as a finding: its share of the belief in all rivals, and those that cannot be told from it; `best` is the
-/// lowest B that passes, and `stands_for` that of a rival whose share is the winner's as well.
+/// lowest B that passes, and `stands_for` a rival whose share is the winner's as well.
 fn named(
     objective: &Objective,
     state: &mut DiagnosisState,
     measure: &ComparisonMeasure,
     rivals: &[Rival],
     winner: &Rival,
-    (best, stands_for): (f64, Option<f64>),
+    (best, stands_for): (f64, Option<&Rival>),
 ) -> MissingEffect {
     let candidates = objective.candidates();
     let before = measure.criterion(&state.fit);
@@ -151,7 +151,7 @@ fn named(
         belief(if as_good(r) { b.min(best + TIE) } else { b })
     };
     let total: f64 = rivals.iter().map(of_rival).sum::<f64>() + belief(before);
-    let winning = stands_for.map_or(0.0, belief) + of_rival(winner);
+    let winning = stands_for.map_or(0.0, |r| belief(measure.criterion(&r.fit))) + of_rival(winner);
     let is_alike = |r: &Rival| as_good(r) || measure.criterion(&r.fit) - best <= DECISIVE;
     let alike: Vec<&Rival> = rivals.iter().filter(|r| r.candidate != winner.candidate && is_alike(r)).collect();
     if !alike.is_empty() {
@@ -159,7 +159,12 @@ fn named(
         state.rivals = [&winner].into_iter().chain(&alike).map(point).collect();
     }
     let gained = before - measure.criterion(&winner.fit);
+    let has_share =
+        |r: &&Rival| r.candidate != winner.candidate && stands_for.is_none_or(|s| s.candidate != r.candidate);
+    let others = rivals.iter().filter(has_share);
+    let others = others.map(|r| (Some(candidates[r.candidate].name()), of_rival(r) / total));
     MissingEffect {
+        rivals: RivalProbability::likeliest(others.chain([(None, belief(before) / total)])),
         alike: alike.iter().map(|r| candidates[r.candidate].name()).collect(),
         ..MissingEffect::of(winner.candidate, &candidates[winner.candidate], winning / total, gained)
     }

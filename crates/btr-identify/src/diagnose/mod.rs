@@ -23,7 +23,10 @@ pub mod thresholds;
 mod together;
 
 pub use beginning::with_effects;
-pub use report::{DiagnoseOptions, Diagnosis, Evidence, MissingEffect, RankedCandidate, RivalPoint, StandIn, Verdict};
+pub use report::{
+    CapReason, DiagnoseOptions, Diagnosis, Evidence, MissingEffect, ProbabilityCap, RankedCandidate, RivalPoint,
+    RivalProbability, StandIn, Verdict,
+};
 pub use residual_law::ResidualLaw;
 
 use crate::LadderStep;
@@ -79,7 +82,7 @@ fn go_on_with_new_starts(
         state.continue_with(&mut again, LEFT_OUT, on_step);
         return go_on_with_new_starts(&mut again, question, state, on_step, restarts_left);
     }
-    if restarts_left == 0 || is_explained {
+    if restarts_left == 0 || is_explained || objective.is_stopped() {
         return go_on(objective, question, state, on_step);
     }
     let seen = objective.with_starts_at(&state.fit.u);
@@ -114,12 +117,14 @@ fn go_on(
         if cut_short {
             break;
         }
-        let rounds = state.rounds.len();
+        let (rounds, before) = (state.rounds.len(), state.fit.clone());
         let mut second_looks = SecondLooks::new(question);
         let found = round(objective, &mut state, &mut second_looks);
         if objective.is_stopped() {
-            // A round that was not finished has not seen all rivals: nothing is named by it.
+            // A round that was not finished has not seen all rivals: nothing is named by it, and the state is that in
+            // which a limit of rollouts would have ended the search before it.
             state.rounds.truncate(rounds);
+            state.fit = before;
             cut_short = true;
             break;
         }
@@ -137,7 +142,7 @@ fn go_on(
             both.ladder[state.ladder.len()..].iter().for_each(on_step);
             state = both;
             objective.set_stoppable(false);
-        } else if !state.replace_by_unconfirmed(objective, on_step) {
+        } else if objective.is_stopped() || !state.replace_by_unconfirmed(objective, on_step) {
             state.left_over = state.rounds.last().and_then(|ranked| ranked.first().cloned());
             cut_short = second_looks.refused || objective.is_stopped();
             break;
@@ -206,17 +211,17 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
     let integrator_error = state.fit.held_out_step_error(objective).max(state.integrator);
     let bound = NoiseBound { noise: objective.noise_bound(), roughly: objective.has_rough_floors() };
     for found in &mut state.chosen {
-        found.evidence.leave_one_out_change = evidence::leave_one_out_change(objective, &state.fit, found.candidate);
+        let most = evidence::leave_one_out(objective, &state.fit, found.candidate);
+        (found.evidence.leave_one_out_log, found.evidence.leave_one_out_change) = most.unzip();
     }
     let verdict = match state.ladder.last() {
-        Some(last) => evidence::weigh(last, state.unexplained_at_first, bound, &mut state.chosen),
+        Some(last) => evidence::weigh(last, state.unexplained_at_first.judged, bound, &mut state.chosen),
         None => Verdict::Unexplained,
     };
     let explains = matches!(verdict, Verdict::EffectMissing | Verdict::ValueWrong);
     let left_over = state.left_over.take().filter(|ranked| explains && ranked.delta_bic > LEFT_OVER);
     if left_over.is_some() {
-        let bound = |found: &mut MissingEffect| found.probability = found.probability.min(AT_MOST_WITH_LEFT_OVER);
-        state.chosen.iter_mut().for_each(bound);
+        state.chosen.iter_mut().for_each(|found| found.cap(AT_MOST_WITH_LEFT_OVER, CapReason::LeftOver));
     }
     state.declare_larger_laws(objective, left_over.as_ref());
     let leaves = matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained);

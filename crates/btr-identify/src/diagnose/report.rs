@@ -13,6 +13,9 @@ pub(super) const SEARCH: f64 = 0.8;
 /// Share of the allowed rollouts up to which a round looks at the candidates in more than one way.
 const SECOND_LOOK: f64 = 0.5;
 
+/// Least probability of a rival that is told.
+const TOLD: f64 = 0.01;
+
 /// Limits of a diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DiagnoseOptions {
@@ -88,6 +91,8 @@ pub struct Evidence {
     /// The mean square error that it removes, in multiples of the noise's: on training or held-out logs, whichever is
     /// larger.
     pub removed: f64,
+    /// The same share on the training logs.
+    pub learnt_share: f64,
     /// Whether the share is of the error in the channel of its joint alone, as where the motion is prescribed.
     pub in_own_channel: bool,
     /// In how many logs, held-out ones included, the error is smaller with it...
@@ -97,9 +102,53 @@ pub struct Evidence {
     /// By what share of it the finding's size changes at most if one of the training logs is left out; none with one
     /// log alone.
     pub leave_one_out_change: Option<f64>,
+    /// The index of that log.
+    pub leave_one_out_log: Option<usize>,
     /// Whether it is established: what is found explains the error and this is more than a negligible part of it, or it
     /// explains a considerable share of it in nearly all logs. Otherwise it also helps a little.
     pub established: bool,
+}
+
+/// Why a probability is not larger.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CapReason {
+    /// The finding's size changes much if one of the training logs is left out.
+    UnstableSize,
+    /// It explains next to nothing, on training and held-out logs: two simulators differ by as much.
+    LittleExplained,
+    /// The findings leave an error, which another cause may be behind.
+    ErrorLeft,
+    /// A further candidate would still explain something for certain, but too little to be named.
+    LeftOver,
+}
+
+/// The largest probability that a finding can have, whatever its rivals.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ProbabilityCap {
+    /// That probability.
+    pub at_most: f64,
+    /// Why it is not 1.
+    pub reasons: Vec<CapReason>,
+}
+
+/// What else may be behind what a finding explains.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RivalProbability {
+    /// `effect@site`; `None` for the model as it was without the finding.
+    pub name: Option<String>,
+    /// Its posterior probability.
+    pub probability: f64,
+}
+
+impl RivalProbability {
+    /// Those that are worth telling, the likeliest first.
+    pub(super) fn likeliest(all: impl Iterator<Item = (Option<String>, f64)>) -> Vec<Self> {
+        let told = all.filter(|(_, probability)| *probability >= TOLD);
+        let mut told: Vec<Self> = told.map(|(name, probability)| RivalProbability { name, probability }).collect();
+        told.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        told
+    }
 }
 
 /// An effect that the model lacks, or a value that it states wrongly.
@@ -120,6 +169,12 @@ pub struct MissingEffect {
     /// Its posterior probability among everything that was fitted in its round, including the model without it.
     /// Includes that of a larger law that it replaces.
     pub probability: f64,
+    /// Who had the rest of it before it was capped, the likeliest first.
+    #[serde(skip)]
+    pub rivals: Vec<RivalProbability>,
+    /// What caps it, if anything does.
+    #[serde(skip)]
+    pub probability_cap: Option<ProbabilityCap>,
     /// By how much it lowered B.
     pub delta_bic: f64,
     /// Its parameters.
@@ -139,10 +194,32 @@ impl MissingEffect {
             site: candidate.site.clone(),
             alike: Vec::new(),
             probability,
+            rivals: Vec::new(),
+            probability_cap: None,
             delta_bic,
             parameters: Vec::new(),
             candidate: index,
         }
+    }
+
+    /// Bounds the probability.
+    pub(super) fn cap(&mut self, at_most: f64, reason: CapReason) {
+        if self.probability >= at_most {
+            self.probability = at_most;
+            self.note_cap(at_most, reason);
+        }
+    }
+
+    /// Multiplies the probability.
+    pub(super) fn lower(&mut self, by: f64, reason: CapReason) {
+        self.probability *= by;
+        self.note_cap(by * self.probability_cap.as_ref().map_or(1.0, |cap| cap.at_most), reason);
+    }
+
+    fn note_cap(&mut self, at_most: f64, reason: CapReason) {
+        let mut reasons = self.probability_cap.take().map_or_else(Vec::new, |cap| cap.reasons);
+        reasons.push(reason);
+        self.probability_cap = Some(ProbabilityCap { at_most, reasons });
     }
 }
 

@@ -24,6 +24,8 @@ pub const NEGLIGIBLE: f64 = 0.01;
 /// established even where all is explained: two simulators of one model differ by as much, and a stand-in for the
 /// difference is as good as the next one.
 pub const NOISE: f64 = 1.0;
+/// The largest probability of such a finding.
+pub const AT_MOST_LITTLE: f64 = 0.9;
 /// Smallest share that a finding explains by itself, while others leave an error, to be established...
 pub const CONSIDERABLE: f64 = 0.05;
 /// ... and smallest share of the logs in which it must lower the error.

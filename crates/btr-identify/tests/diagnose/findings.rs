@@ -212,3 +212,33 @@ fn an_error_that_nothing_explains_is_not_left_out_as_glitches() {
     assert!(matches!(diagnosis.verdict, Verdict::Unexplained | Verdict::PartlyExplained), "{:?}", diagnosis.verdict);
     assert!(diagnosis.ladder.iter().all(|step| step.step != "glitches left out"), "{:?}", diagnosis.ladder);
 }
+
+/// The state in which a search ends is told alike, whatever ended it and when.
+#[test]
+fn a_verdict_does_not_depend_on_where_in_a_round_the_search_is_stopped() {
+    // The size of an effect is twice as large in the log that shows it least, and something else is left.
+    let motion = |u: &[f64], log: usize, t: f64, finer: f64| {
+        let reach = if log == 0 { 0.45 } else { 1.0 };
+        let size = if finer == NO_STEP && log == 0 { 2.0 * reach } else { reach };
+        let unknown = if finer == NO_STEP { 1.2 * (31.0 * t).sin().powi(5) } else { 0.0 };
+        u[0] * swing(3.0, log, t)
+            + size * u[1] * swing(5.0, log, t)
+            + u[2] * swing(7.0, log, t)
+            + u[3] * swing(11.0, log, t)
+            + unknown
+    };
+    let model = SyntheticModel::new(&["large", "small", "none"], &[0.4, 2.0, 1.0, 0.0], motion);
+    let mut told: Vec<(usize, Verdict, Vec<bool>)> = Vec::new();
+    for calls in (0..400).step_by(3) {
+        let asked = AtomicUsize::new(0);
+        let signal = Arc::new(move || asked.fetch_add(1, Ordering::Relaxed) >= calls);
+        let mut objective = Objective::new(&model).stopping_when(signal);
+        let stopped = diagnose(&mut objective, DiagnoseOptions::default(), &|_| ()).unwrap();
+        let established = stopped.effects.iter().map(|found| found.evidence.established).collect();
+        told.push((stopped.effects.len(), stopped.verdict, established));
+    }
+    told.dedup();
+    assert!(told.windows(2).all(|pair| pair[0].0 < pair[1].0), "{told:?}");
+    let unstable = told.iter().filter(|(found, _, established)| *found > 0 && !established[0]);
+    assert!(unstable.count() > 0, "{told:?}");
+}

@@ -116,7 +116,7 @@ pub fn diagnose(
         verdict: diagnosis.verdict,
         degree: diagnosis.degree,
         remaining: diagnosis.left.clone(),
-        effects: grouped(&diagnosis.effects),
+        effects: grouped(input, &diagnosis.effects),
         wrong_values: wrong_values(input, &diagnosis.effects),
         ranking: diagnosis.rounds.clone(),
         error_ladder: diagnosis.ladder.clone(),

@@ -2,9 +2,9 @@
 
 use super::next_experiment::NextExperiment;
 use crate::experiment::LeftOutLog;
-use crate::identification::{Doubt, FittedGlitch, NoiseFloor, VerbInput};
+use crate::identification::{Doubt, ErrorUnit, FittedGlitch, NoiseFloor, VerbInput};
 use btr_identify::LadderStep;
-use btr_identify::diagnose::{MissingEffect, RankedCandidate, StandIn, Verdict};
+use btr_identify::diagnose::{MissingEffect, ProbabilityCap, RankedCandidate, RivalProbability, StandIn, Verdict};
 use btr_identify::fit::{Degree, Estimate, NOISE, RemainingError};
 use btr_identify::residual_model::CandidateKind;
 use btr_physics::effects::FormulaTarget;
@@ -36,10 +36,16 @@ pub struct Support {
     pub alike: Vec<String>,
     /// Its posterior probability among all candidates fitted in the same round.
     pub probability: f64,
+    /// Why it is not larger, where that is not for its rivals.
+    pub probability_cap: Option<ProbabilityCap>,
+    /// Who has the rest of it, the likeliest first; before it was capped.
+    pub rivals: Vec<RivalProbability>,
     /// Decrease of the information criterion.
     pub delta_bic: f64,
     /// The share of the squared error above the noise that it explains, on held-out logs if there are any.
     pub share: f64,
+    /// The same share on the training logs; none without held-out logs.
+    pub learnt_share: Option<f64>,
     /// Whether that is the error in the channel of its joint alone, as where the motion is prescribed: of an effect at
     /// several joints, the smallest share counts then.
     #[serde(skip)]
@@ -48,21 +54,28 @@ pub struct Support {
     pub logs_better: [usize; 2],
     /// By what share of it its size changes at most if one of the training logs is left out; none with one log alone.
     pub leave_one_out_change: Option<f64>,
+    /// That log; none with one log alone.
+    pub leave_one_out_log: Option<String>,
     /// Whether it is established; otherwise it also helps a little.
     pub established: bool,
 }
 
 impl Support {
-    fn of(found: &MissingEffect) -> Self {
+    fn of(input: &VerbInput, found: &MissingEffect) -> Self {
         let evidence = found.evidence;
+        let judged = input.problem.logs().iter().any(|log| log.held_out);
         Support {
             alike: found.alike.clone(),
             probability: found.probability,
+            probability_cap: found.probability_cap.clone(),
+            rivals: found.rivals.clone(),
             delta_bic: found.delta_bic,
             share: evidence.share,
+            learnt_share: judged.then_some(evidence.learnt_share),
             in_own_channel: evidence.in_own_channel,
             logs_better: [evidence.logs_better, evidence.logs],
             leave_one_out_change: evidence.leave_one_out_change,
+            leave_one_out_log: evidence.leave_one_out_log.and_then(|log| input.file_of(log)),
             established: evidence.established,
         }
     }
@@ -70,14 +83,20 @@ impl Support {
     /// That of an effect at several sites.
     fn join(&mut self, other: Support) {
         self.alike.extend(other.alike);
-        self.probability = self.probability.min(other.probability);
+        if other.probability < self.probability {
+            self.probability = other.probability;
+            (self.probability_cap, self.rivals) = (other.probability_cap, other.rivals);
+        }
         self.delta_bic += other.delta_bic;
-        self.share = if self.in_own_channel { self.share.min(other.share) } else { self.share + other.share };
+        let apart = self.in_own_channel;
+        let both = |a: f64, b: f64| if apart { a.min(b) } else { a + b };
+        self.share = both(self.share, other.share);
+        self.learnt_share = self.learnt_share.zip(other.learnt_share).map(|(a, b)| both(a, b));
         self.logs_better[0] = self.logs_better[0].min(other.logs_better[0]);
-        self.leave_one_out_change = match (self.leave_one_out_change, other.leave_one_out_change) {
-            (Some(a), Some(b)) => Some(a.max(b)),
-            (a, b) => a.or(b),
-        };
+        if self.leave_one_out_change.unwrap_or(0.0) < other.leave_one_out_change.unwrap_or(0.0) {
+            self.leave_one_out_change = other.leave_one_out_change;
+            self.leave_one_out_log = other.leave_one_out_log;
+        }
         self.established &= other.established;
     }
 }
@@ -260,11 +279,13 @@ impl DiagnoseReport {
 
     /// A message if the findings leave something for certain that is too small to be named.
     pub fn shows_left_over(&self) -> Option<String> {
-        let left = self.left_over.as_ref()?;
+        let (left, last) = (self.left_over.as_ref()?, self.error_ladder.last()?);
+        let times = ErrorUnit::of(&self.noise_floor).times();
+        let held_out = last.held_out.map_or_else(String::new, |error| format!(" and {error:.2} on held-out logs"));
         Some(format!(
-            "a small error is left that is not noise: {} would lower the BIC by {:.0}, but explains too little to be named; \
-             what is named may stand in for something else",
-            left.name, left.delta_bic
+            "what is left counts as noise ({:.2} {times}{held_out}), so the verdict holds; but {} would lower it to {:.2} (delta \
+             BIC {:.0}), which is too little to be named: what is named may stand in for something else",
+            last.train, left.name, left.train, left.delta_bic
         ))
     }
 
@@ -283,15 +304,15 @@ impl DiagnoseReport {
 }
 
 /// Merges findings of one effect at several sites.
-pub(super) fn grouped(found: &[MissingEffect]) -> Vec<EffectReport> {
+pub(super) fn grouped(input: &VerbInput, found: &[MissingEffect]) -> Vec<EffectReport> {
     let mut reports: Vec<EffectReport> = Vec::new();
     for one in found.iter().filter(|one| one.kind == CandidateKind::Effect) {
         match reports.iter_mut().find(|report| report.effect == one.effect) {
-            Some(report) => report.join(one),
+            Some(report) => report.join(input, one),
             None => reports.push(EffectReport {
                 effect: one.effect.clone(),
                 site: EffectSite::One(one.site.clone()),
-                support: Support::of(one),
+                support: Support::of(input, one),
                 parameters: one.parameters.clone(),
             }),
         }
@@ -309,21 +330,21 @@ pub(super) fn wrong_values(input: &VerbInput, found: &[MissingEffect]) -> Vec<Va
     let report = |one: &MissingEffect| ValueReport {
         value: one.effect.clone(),
         site: one.site.clone(),
-        support: Support::of(one),
+        support: Support::of(input, one),
         parameters: one.parameters.iter().filter_map(corrected).collect(),
     };
     found.iter().filter(|one| one.kind == CandidateKind::Value).map(report).collect()
 }
 
 impl EffectReport {
-    fn join(&mut self, other: &MissingEffect) {
+    fn join(&mut self, input: &VerbInput, other: &MissingEffect) {
         let mut sites = match &self.site {
             EffectSite::One(site) => vec![site.clone()],
             EffectSite::Several(sites) => sites.clone(),
         };
         sites.push(other.site.clone());
         self.site = EffectSite::Several(sites);
-        self.support.join(Support::of(other));
+        self.support.join(Support::of(input, other));
         self.parameters.extend(other.parameters.iter().cloned());
     }
 

@@ -4,11 +4,12 @@ use super::candidates::{base, candidates};
 use super::ladder::{After, fall, fine_print};
 use super::page::{Block, Report, Section};
 use crate::Subject;
+use crate::finding::{capped, evidence, helps, likelihood, rivals};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
 use crate::text::{
-    CORRECTED, ESTIMATES, alike, at_bounds, corrected, estimate, evidence, findings, fit_command, integrator,
-    probability, remedy, removable, stand_in, what_remains,
+    CORRECTED, ESTIMATES, alike, at_bounds, corrected, estimate, findings, fit_command, integrator, remedy, removable,
+    stand_in, what_remains,
 };
 use btr_core::log::Log;
 use btr_identify::LadderStep;
@@ -19,7 +20,8 @@ use btr_physics::effects;
 
 /// The page of `btr diagnose`; `u` is the fitted point of the free parameters.
 pub fn diagnose(subject: &Subject, found: &DiagnoseReport, u: &[f64]) -> String {
-    let mut lead = vec![Block::Lead(sentence(found)), subject.input_block()];
+    let so_far = if found.cut_short { "The search was cut short; so far: " } else { "" };
+    let mut lead = vec![Block::Lead(format!("{so_far}{}", sentence(found))), subject.input_block()];
     let at_bounds = at_bounds(found);
     if !at_bounds.is_empty() {
         let names = at_bounds.join(", ");
@@ -81,6 +83,7 @@ fn sentence(found: &DiagnoseReport) -> String {
         let stand_ins = found.stand_ins.iter().map(stand_in);
         limited.chain(found.shows_left_over()).chain(stand_ins).map(noted).collect()
     };
+    let help = helps(found);
     match (found.verdict, names.is_empty()) {
         (Verdict::EffectMissing, _) => {
             format!(
@@ -103,11 +106,14 @@ fn sentence(found: &DiagnoseReport) -> String {
                 what_remains(found.degree)
             )
         }
+        (Verdict::Unexplained, true) if found.cut_short => format!(
+            "Something is missing that nothing tried explains: the error on {on} stays at {last} {times}; {share}.{where_judged}"
+        ),
         (Verdict::Unexplained, true) => format!(
             "Something is missing that no effect of the library explains: the error on {on} stays at {last} {times}; {share}.{where_judged}"
         ),
         (Verdict::Unexplained, false) => format!(
-            "{names} helps but does not explain the residual: the error on {on} falls from {before} to {last} {times}; {share}.{where_judged}"
+            "{names} {help} explain the residual: the error on {on} falls from {before} to {last} {times}; {share}.{where_judged}"
         ),
     }
 }
@@ -119,10 +125,10 @@ fn support(support: &Support) -> String {
         alike => format!("These logs cannot tell it from {}.", alike.join(", ")),
     };
     let (delta, why) = (number(support.delta_bic), evidence(support));
-    format!(
-        "Probability among all fitted candidates: {}; delta BIC {delta}; {why}. {alike}",
-        probability(support.probability)
-    )
+    let rest = rivals(support).map_or_else(String::new, |rest| format!("{rest}; "));
+    let reasons = capped(support).map_or_else(String::new, |capped| format!(" ({capped})"));
+    let sure = likelihood(support);
+    format!("Probability among all fitted candidates: {sure}{reasons}; {rest}delta BIC {delta}; {why}. {alike}")
 }
 
 /// A section on an effect: its probability, its parameters and its description.

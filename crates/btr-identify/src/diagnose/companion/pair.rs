@@ -5,7 +5,7 @@ use crate::LadderStep;
 use crate::diagnose::evidence::LogErrors;
 use crate::diagnose::own;
 use crate::diagnose::refit::{FOLLOWER, Rival};
-use crate::diagnose::report::{Evidence, MissingEffect};
+use crate::diagnose::report::{Evidence, MissingEffect, RivalProbability};
 use crate::diagnose::screen::{StartPoint, simulate_worst, with};
 use crate::diagnose::state::DiagnosisState;
 use crate::diagnose::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL};
@@ -191,12 +191,16 @@ pub(super) fn accept_pair(
     (found.effect, found.site, found.candidate) = (similar.effect.clone(), similar.site.clone(), effect);
     (found.kind, found.delta_bic) = (similar.kind, found.delta_bic + gained);
     found.alike.retain(|alike| *alike != similar.name());
+    found.rivals.retain(|other| other.name.as_ref() != Some(&similar.name()));
     if state.is_chosen(companion.candidate) {
         state.record(objective, step, on_step);
         return;
     }
     let probability = 1.0 / (1.0 + (-gained / 2.0).exp());
-    let added = MissingEffect::of(companion.candidate, added, probability, gained);
+    let added = MissingEffect {
+        rivals: RivalProbability::likeliest([(None, 1.0 - probability)].into_iter()),
+        ..MissingEffect::of(companion.candidate, added, probability, gained)
+    };
     state.record(objective, step, on_step);
     let after = LogErrors::of(objective, added.candidate, &state.fit, state.held_out);
     let evidence = Evidence::of(

@@ -2,6 +2,7 @@
 
 use crate::diagnose::own;
 use crate::diagnose::refit::{Rival, race};
+use crate::diagnose::report::RivalProbability;
 use crate::diagnose::state::DiagnosisState;
 use crate::diagnose::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
@@ -27,14 +28,18 @@ impl DiagnosisState {
             }
             // What is still alike counts as much as a tie, at least.
             let left = fitted.iter().flatten().filter(|rival| !is_told(rival));
-            let others: f64 = left.map(|rival| (-behind(&rival.fit).clamp(-TIE, TIE) / 2.0).exp()).sum();
+            let belief = |rival: &Rival| (-behind(&rival.fit).clamp(-TIE, TIE) / 2.0).exp();
+            let others: Vec<(String, f64)> = left.map(|r| (candidates[r.candidate].name(), belief(r))).collect();
+            let total: f64 = 1.0 + others.iter().map(|(_, belief)| belief).sum::<f64>();
             self.rivals.retain(|rival| !told.contains(&candidates[rival.candidate].name()));
             if self.rivals.len() < 2 {
                 self.rivals.clear();
             }
             let found = &mut self.chosen[index];
             found.alike.retain(|name| !told.contains(name));
-            found.probability = found.probability.max(1.0 / (1.0 + others));
+            found.probability = found.probability.max(1.0 / total);
+            let others = others.into_iter().map(|(name, belief)| (Some(name), belief / total));
+            found.rivals = RivalProbability::likeliest(others);
         }
     }
 

@@ -94,8 +94,8 @@ impl DiagnosisState {
     }
 
     /// Starts of candidates in the place of one of the chosen, from the values of its parameters of the same names, or
-    /// else, for a law that it contains, from the mean of its amplitudes of the same unit (Coulomb's friction inside one
-    /// that depends on the direction): far from the logs without it, no probe predicts much.
+    /// else, for a law that it contains, from the mean of its amplitudes of the same unit (Coulomb's friction inside
+    /// one that depends on the direction): far from the logs without it, no probe predicts much.
     fn carried_over(&self, objective: &Objective, index: usize, candidates: &[usize]) -> Vec<StartPoint> {
         let parameters = objective.parameters();
         let name =
@@ -235,6 +235,7 @@ impl DiagnosisState {
         if better {
             self.rename(objective, index, rival, -gains);
             self.chosen[index].alike.clear();
+            self.chosen[index].rivals.clear();
         }
         better
     }
@@ -257,6 +258,7 @@ impl DiagnosisState {
         let before = format!("{}@{}", found.effect, found.site);
         found.alike.retain(|alike| *alike != effect.name());
         found.alike.push(before.clone());
+        found.rivals.retain(|other| other.name.as_ref() != Some(&effect.name()));
         found.delta_bic -= costs;
         (found.effect, found.site, found.candidate) = (effect.effect.clone(), effect.site.clone(), rival.candidate);
         found.kind = effect.kind;

@@ -2,7 +2,7 @@
 
 mod restart;
 
-use super::evidence::LogErrors;
+use super::evidence::{LogErrors, MeanSquares};
 use super::own;
 use super::refit::{FOLLOWER, Rival};
 use super::report::{Evidence, MissingEffect, RankedCandidate, RivalPoint};
@@ -37,8 +37,8 @@ pub(super) struct DiagnosisState {
     pub(super) left_over: Option<RankedCandidate>,
     /// The integrator's error, in multiples of the noise floor.
     pub(super) integrator: f64,
-    /// The mean square error before the first finding, on the logs that judge it; 0 before that.
-    pub(super) unexplained_at_first: f64,
+    /// The errors before the first finding; 0 before that.
+    pub(super) unexplained_at_first: MeanSquares,
 }
 
 impl DiagnosisState {
@@ -109,7 +109,7 @@ impl DiagnosisState {
         let step = objective.candidates()[found.candidate].step();
         self.chosen.push(found);
         self.record(objective, step, on_step);
-        self.unexplained_at_first = self.unexplained_at_first.max(before.judged);
+        self.unexplained_at_first = self.unexplained_at_first.max(before.mean);
         let Some(found) = self.chosen.last().map(|found| found.candidate) else { return };
         if !own::is_apart(objective, found) {
             self.settled.clear();
@@ -127,11 +127,9 @@ impl DiagnosisState {
         if own::is_apart(objective, candidate) { own::held_out(objective, candidate, &self.fit.u) } else { Some(whole) }
     }
 
-    /// The mean square error before the first finding in the channels where a candidate shows; `None` where these are
-    /// all.
-    pub(super) fn own_at_first(&self, objective: &Objective, candidate: usize) -> Option<f64> {
-        own::is_apart(objective, candidate)
-            .then(|| LogErrors::of(objective, candidate, &self.bare, self.held_out).judged)
+    /// The errors before the first finding in the channels where a candidate shows; `None` where these are all.
+    pub(super) fn own_at_first(&self, objective: &Objective, candidate: usize) -> Option<MeanSquares> {
+        own::is_apart(objective, candidate).then(|| LogErrors::of(objective, candidate, &self.bare, self.held_out).mean)
     }
 
     /// Drops earlier effects that the latest one has made superfluous; and the latest, if it is as good as off: what it
@@ -153,9 +151,12 @@ impl DiagnosisState {
             match needless {
                 Some(fit) => {
                     // What the earlier one explained, the latest explains in its place.
-                    let share = self.chosen[index].evidence.share;
+                    let explained = self.chosen[index].evidence;
                     self.drop_with(objective, index, fit);
-                    self.chosen.iter_mut().last().into_iter().for_each(|latest| latest.evidence.share += share);
+                    if let Some(latest) = self.chosen.last_mut() {
+                        latest.evidence.share += explained.share;
+                        latest.evidence.learnt_share += explained.learnt_share;
+                    }
                 }
                 None => index += 1,
             }

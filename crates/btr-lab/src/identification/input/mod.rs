@@ -138,6 +138,11 @@ impl VerbInput {
         let Recordings { learn, held_out } = &self.recordings;
         [learn, held_out].map(|logs| logs.iter().map(|log| log.path.clone()).collect())
     }
+
+    /// The file of a log of the problem.
+    pub(crate) fn file_of(&self, log: usize) -> Option<String> {
+        Some(self.places.get(self.problem.scenario(log))?.file.clone())
+    }
 }
 
 /// Names of the free parameters.

@@ -152,6 +152,8 @@ impl<'a> CauseSearch<'a> {
             site: last.site.clone(),
             alike: alike.collect(),
             probability: 1.0 / (1.0 + rivals),
+            rivals: Vec::new(),
+            probability_cap: None,
             delta_bic: ExplanationCost::of(before).whole - cost.whole,
             parameters: Vec::new(),
             candidate: 0,

@@ -8,6 +8,26 @@ from btr.documents._common import Estimate
 from btr.documents._record import Record
 
 
+class ProbabilityCap(Record):
+    """The largest probability that a finding can have, whatever its rivals."""
+
+    at_most: float
+    """That probability."""
+    reasons: list[Literal["unstable_size", "little_explained", "error_left", "left_over"]]
+    """Why it is not 1: the size changes by more than half without `leave_one_out_log`; it explains less than a
+    hundredth of the error and less than the noise; the findings leave an error; or a further candidate would still
+    explain something for certain (`left_over`)."""
+
+
+class RivalProbability(Record):
+    """What else may be behind what a finding explains."""
+
+    name: str | None
+    """`effect@site`; None for the model without the finding."""
+    probability: float
+    """Its posterior probability."""
+
+
 class Support(Record):
     """What speaks for a finding, an effect or a value."""
 
@@ -15,15 +35,24 @@ class Support(Record):
     """Names of effects and values, as `name@site`, that these logs cannot tell from it."""
     probability: float
     """Its posterior probability among all candidates of its round, the model without it included."""
+    probability_cap: ProbabilityCap | None
+    """Why it is not larger, where that is not for its rivals."""
+    rivals: list[RivalProbability]
+    """Who has the rest of it, from 0.01, the likeliest first; before it was capped. Empty where that is not known."""
     delta_bic: float
     """How much it lowers the information criterion."""
     share: float
     """The share of the squared error above the noise that it explains, on held-out logs if there are any; where the
     motion is prescribed, of the error of its joint's torque."""
+    learnt_share: float | None
+    """The same share on the training logs; None without held-out logs. Where it is large and `share` is not, the
+    held-out logs hardly show the finding."""
     logs_better: list[int]
     """In how many logs the error is smaller with it, held-out ones included, and of how many."""
     leave_one_out_change: float | None
     """By what share of it its size changes at most if one of the training logs is left out; none with one log alone."""
+    leave_one_out_log: str | None
+    """That log."""
     established: bool
     """Whether it is established; otherwise it also helps a little, and may stand in for something else."""
 

@@ -100,6 +100,9 @@ class DiagnoseResult(Reported):
         return [name for established, name in found if established or not any_established]
 
     def _headline(self) -> str:
+        return f"cut short; so far: {self._verdict()}" if self.cut_short else self._verdict()
+
+    def _verdict(self) -> str:
         found = ", ".join(self.names)
         to_runs = "what remains is no more than runs of the same command differ by"
         remains = f"; {to_runs}" if self.degree == "explained_to_repeatability" else ""
@@ -112,7 +115,9 @@ class DiagnoseResult(Reported):
         share = f"{100 * self.unexplained_share:.0f} % of the squared error is not noise"
         if self.verdict == "partly_explained":
             return f"partly explained by {found}; something else is missing: {share}{self._further()}"
-        helps = f"{found} helps but does not explain the error" if found else "no effect of the library helps"
+        nothing = "nothing that was tried helps" if self.cut_short else "no effect of the library helps"
+        verb = "helps but does not" if len(self.names) == 1 else "help but do not"
+        helps = f"{found} {verb} explain the error" if found else nothing
         return f"unexplained: {helps}; {share}{self._further()}"
 
     def _further(self) -> str:
@@ -137,13 +142,18 @@ class DiagnoseResult(Reported):
             f"{' or '.join(s.effects)} would explain these logs as well; freeze it if you know it"
             for s in self.stand_ins
         ]
-        small = "would lower the BIC by {:.0f}, but explains too little to be named"
-        rest = f"\na small error is left that is not noise: {left.name} {small.format(left.delta_bic)}" if left else ""
+        last = self.error_ladder[-1]
+        held_out = "" if last.held_out is None else f" and {last.held_out:.2f} on held-out logs"
+        rest = (
+            f"\nwhat is left counts as noise ({last.train:.2f}{held_out}), so the verdict holds; but {left.name} "
+            f"would lower it to {left.train:.2f} (delta BIC {left.delta_bic:.0f}), which is too little to be named"
+            if left
+            else ""
+        )
         proposal = f"\nnext experiment: {experiment.sentence}" if experiment else ""
-        early = "\nstopped before the search had finished: this is the best so far" if self.cut_short else ""
         idle = removable(self.without_effect)
         on = f"\nnext: fitted = btr.fit(model, learn, add={self.names!r})" if self.names else ""
-        told = [*estimates, *lines, early, noise, rest, *taken, *alike, like, beside, proposal, idle, on]
+        told = [*estimates, *lines, noise, rest, *taken, *alike, like, beside, proposal, idle, on]
         return "".join(told)
 
     def _table(self) -> Rows:
@@ -157,8 +167,21 @@ class DiagnoseResult(Reported):
 
 def _estimates(effect: doc.EffectReport) -> list[str]:
     """What speaks for an effect, and its estimates, one line each."""
-    name, explained = ", ".join(names_of([effect])), 100 * effect.share
-    of = f"probability {cell(effect.probability)}, explains {explained:.0f} % of the squared error above the noise"
-    return [f"\n{name}: {of}"] + [
-        f"\n  {p.name} = {cell(p.value)} {p.unit} (95 %: {interval(p)})" for p in effect.parameters
-    ]
+    name, error = ", ".join(names_of([effect])), "of the squared error above the noise"
+    held_out = f"{100 * effect.share:.0f} %"
+    learnt = effect.learnt_share
+    shares = f"{100 * learnt:.0f} % {error} on the training logs, {held_out} on held-out logs"
+    of = f"probability {_probability(effect)}, explains {f'{held_out} {error}' if learnt is None else shares}"
+    rest = [f"{rival.name or 'the model without it'} {cell(rival.probability)}" for rival in effect.rivals]
+    return (
+        [f"\n{name}: {of}"]
+        + ([f"\n  the rest of the probability: {', '.join(rest)}"] if rest else [])
+        + [f"\n  {p.name} = {cell(p.value)} {p.unit} (95 %: {interval(p)})" for p in effect.parameters]
+    )
+
+
+def _probability(support: doc.Support) -> str:
+    """The probability of a finding, as a bound where it is one."""
+    cap = support.probability_cap
+    is_bound = cap is not None and support.probability >= 0.99 * cap.at_most
+    return f"{'at most ' if is_bound else ''}{cell(support.probability)}"
