@@ -25,6 +25,8 @@ import schema
 
 # What is said in an info string for the tests of the book alone.
 FOR_TESTS = re.compile(r"^( *```\w+)(.*)$", re.M)
+# A module of the package, in whose place the book has its reference.
+SOURCE = re.compile(r"\]\((?:\.\./)+crates/btr-py/python/btr/(?:__init__|(\w+)(?:/__init__)?)\.py")
 TITLE = re.compile(r' title="[^"]*"')
 # Files of the root that are pages of the book.
 OF_ROOT = {name: f"development/{name.lower()}" for name in ("CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md")}
@@ -42,12 +44,19 @@ def on_files(files: Any, config: Any) -> Any:
     pages |= effects.pages(ROOT / "robots")
     pages |= _api()
     for path, content in sorted(pages.items()):
+        # Below docs/ is a page that says where to find this one without the book.
+        if (stands_for := files.get_file_from_path(path)) is not None:
+            files.remove(stands_for)
         files.append(File.generated(config, path, content=content))
     return files
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Leaves a block its language and its title."""
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """Leaves a block its language and its title, and leads links to files outside docs/ to their pages."""
+    up = "../" * page.file.src_uri.count("/")
+    for name, of_book in OF_ROOT.items():
+        markdown = markdown.replace(f"]({up}../{name}", f"]({up}{of_book}")
+    markdown = SOURCE.sub(lambda found: f"]({up}api/btr{'/' + found[1] if found[1] else ''}.html", markdown)
     return FOR_TESTS.sub(lambda found: found[1] + "".join(TITLE.findall(found[2])), markdown)
 
 

@@ -74,6 +74,15 @@ def test_what_generates_the_book_is_typed_strictly(tmp_path: Path) -> None:
     assert run.returncode == 0, run.stdout
 
 
+def test_links_of_plain_markdown_lead_to_files() -> None:
+    """Pages are read without the book as well, also where the book generates another one in their place."""
+    of_root = ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md")
+    for page in [*(ROOT / "docs").rglob("*.md"), *(ROOT / name for name in of_root)]:
+        for address in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+            is_far = urlsplit(address).scheme != ""
+            assert is_far or (page.parent / address).exists(), f"{page.relative_to(ROOT)}: {address}"
+
+
 def test_lists_begin_after_an_empty_line() -> None:
     """Without it, Markdown takes the list for a paragraph."""
     for page in (ROOT / "docs").rglob("*.md"):
