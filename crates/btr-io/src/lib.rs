@@ -55,8 +55,8 @@ pub use meta::Meta;
 pub use regular::{read_beginning, read_bytes, read_text, read_text_from};
 pub use stream::read_stream;
 
-use btr_core::log::Log;
-use std::path::Path;
+use btr_core::log::{Log, LogError};
+use std::path::{Path, PathBuf};
 
 /// The formats, by the end of the file's name.
 enum Format {
@@ -117,6 +117,19 @@ pub fn read_recorded(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning
     read_log(path, mapping).map(|(log, warnings)| (log.from_zero(), warnings))
 }
 
+/// A path with which the first episode of a LeRobot data set is read, and how many there are; `None` where the path is
+/// none of a data set, or names an episode.
+///
+/// # Errors
+/// A malformed data set.
+#[cfg_attr(not(feature = "parquet"), allow(unused_variables, clippy::unnecessary_wraps, reason = "no data sets"))]
+pub fn first_episode(path: &Path) -> Result<Option<(PathBuf, usize)>, IoError> {
+    #[cfg(feature = "parquet")]
+    return lerobot::first_episode(path);
+    #[cfg(not(feature = "parquet"))]
+    Ok(None)
+}
+
 /// The names of a CSV file's columns; of other formats, which name channels as btr does, none.
 ///
 /// # Errors
@@ -172,6 +185,16 @@ pub fn log_of(
 /// The column name that means this channel; `None` where no name does.
 pub fn column_of(channel: &str) -> Option<String> {
     names::header(channel)
+}
+
+/// The log as it is written to this path for a model with this mapping: read by it, it is this log again, and its
+/// columns have the mapping's names and units where the file can carry them.
+///
+/// # Errors
+/// Two channels of one foreign name.
+pub fn as_mapped(path: &Path, log: &Log, mapping: &Mapping) -> Result<Log, LogError> {
+    let is_csv = matches!(format(path), Ok(Format::Csv | Format::CsvGz));
+    channels::foreign::foreign(log, mapping, is_csv)
 }
 
 /// Checks that a log could be written to the path.

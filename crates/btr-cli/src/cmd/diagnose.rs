@@ -7,11 +7,12 @@ use crate::exit::{DONE, INTERRUPTED, MISSED};
 use crate::status::Status;
 use crate::terminal;
 use crate::terminal::{Tone, note, say, table};
+use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_identify::diagnose::Verdict;
 use btr_identify::fit::Degree;
 use btr_identify::residual_model::{ResidualRequest, TimeStep};
-use btr_io::Meta;
+use btr_io::{Mapping, Meta};
 use btr_lab::failure::Failure;
 use btr_lab::output::{OutputKind, Overwrite, guard, inputs};
 use btr_lab::verbs;
@@ -62,9 +63,10 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     }
     let [logs, held_out] = input.logs_used();
     let subject = Subject { input: &input, logs: &logs, held_out: &held_out };
-    if let Some(path) = &args.next {
-        write_next(&report, path)?;
-    }
+    let written = match &args.next {
+        Some(path) => write_next(&report, path, &subject.input.source.parse()?.channels)?,
+        None => None,
+    };
     if let Some(path) = &args.logs_args.report {
         status.doing("drawing the report");
         write_report(path, &html::diagnose(&subject, &report, &diagnosed.fit.u))?;
@@ -77,6 +79,9 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     }
     announce(args.output.as_deref(), "the model as diagnosed", global);
     announce(args.logs_args.report.as_deref(), "the report", global);
+    if let Some(what) = &written {
+        announce(args.next.as_deref(), what, global);
+    }
     if interrupted.load(Ordering::Relaxed) {
         return Ok(INTERRUPTED);
     }
@@ -105,11 +110,19 @@ fn forecast(input: &VerbInput, max_rollouts: usize, global: &Global) {
     }
 }
 
-/// The commands of the next experiment, for `btr simulate --log` and for the robot.
-fn write_next(report: &DiagnoseReport, path: &Path) -> Result<(), Failure> {
+/// Writes the commands of the next experiment, for `btr simulate --log` and for the robot, in the names and units in
+/// which the model reads logs. What they are in words; `None` if there are none.
+fn write_next(report: &DiagnoseReport, path: &Path, mapping: &Mapping) -> Result<Option<String>, Failure> {
     let rivals: Vec<&str> = report.support().flat_map(|support| &support.alike).map(String::as_str).collect();
     match report.next_experiment.as_ref().and_then(|next| next.commands.as_ref()) {
-        Some(commands) => btr_io::write_log(path, commands, &Meta::default())?,
+        Some(commands) => {
+            let written = btr_io::as_mapped(path, commands, mapping).map_err(WorldError::from)?;
+            btr_io::write_log(path, &written, &Meta::default())?;
+            let units = if written.is_same(commands) { "in SI units" } else { "in the names and units of [channels]" };
+            return Ok(Some(format!(
+                "the commands of the next experiment, {units}, for the robot and for simulate --log"
+            )));
+        }
         None if rivals.is_empty() => eprintln!("{} was not written: there are no effects to separate", path.display()),
         None => eprintln!(
             "{} was not written: no motion in the range of these logs separates what was found from {}",
@@ -117,7 +130,7 @@ fn write_next(report: &DiagnoseReport, path: &Path) -> Result<(), Failure> {
             rivals.join(", ")
         ),
     }
-    Ok(())
+    Ok(None)
 }
 
 fn word_of(verdict: Verdict) -> String {

@@ -21,6 +21,7 @@ mod limits;
 mod meshes;
 mod new;
 mod new_refused;
+mod next_drive;
 mod patterns;
 mod priors;
 mod real_arm;

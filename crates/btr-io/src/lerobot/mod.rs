@@ -53,6 +53,18 @@ fn usual_chunk() -> usize {
     1000
 }
 
+/// The path of the first episode of a data set, and how many it has; `None` where there is no data set, or an episode
+/// is named.
+///
+/// # Errors
+/// A malformed data set.
+pub(crate) fn first_episode(path: &Path) -> Result<Option<(PathBuf, usize)>, IoError> {
+    let Some((folder, None)) = place(path) else { return Ok(None) };
+    let episodes = Info::read(&folder.join("meta/info.json"))?.total_episodes;
+    let first = PathBuf::from(format!("{}#0", folder.display()));
+    Ok(Some((first, episodes)))
+}
+
 impl Episode {
     /// The episode at a path: `FOLDER#3`, or the folder of a data set with one episode. `None` where there is no data
     /// set.

@@ -80,14 +80,31 @@ pub fn next_experiment(
         .map(|drive| separations(problem, &points, &scenario(problem, drive), &|log| problem.is_within(log, MARGIN)))
         .map(|apart| apart.ok().flatten().unwrap_or_default())
         .collect();
-    let (chosen, apart) = best(tried);
-    if worth(&apart) <= worth(&so_far.1) || apart.iter().all(|x| *x < APART) {
+    let separates = |apart: &[f64]| worth(apart) > worth(&so_far.1) && apart.iter().any(|x| *x >= APART);
+    // What acts in a joint is best seen where that one moves; where others move, little of it shows.
+    let acts_in = joints_of(problem, rivals);
+    let moves_it = |k: usize| drives[k].joints.iter().any(|joint| acts_in.contains(&joint.as_str()));
+    let of_its_own = |(k, apart): (usize, &Vec<f64>)| if moves_it(k) { apart.clone() } else { Vec::new() };
+    let (chosen, apart) = match best(tried.iter().enumerate().map(of_its_own)) {
+        (chosen, apart) if separates(&apart) => (chosen, apart),
+        _ => best(tried),
+    };
+    if !separates(&apart) {
         return Ok(None);
     }
     let name = |k: usize| problem.candidates()[rivals[k].candidate].name();
     let rivals =
         apart.iter().enumerate().map(|(k, x)| RivalExplanation { effect: name(k + 1), separation: *x }).collect();
     Ok(Some(proposal(&drives[chosen], &name(0), rivals, &so_far.1)))
+}
+
+/// The joints in which the rivals act.
+fn joints_of<'a>(problem: &'a IdentificationProblem, rivals: &[RivalPoint]) -> Vec<&'a str> {
+    let joints = problem.model().robot.movable().map(|(_, link)| link.joint.name.as_str());
+    let sites: Vec<&str> =
+        rivals.iter().take(1 + MOST_RIVALS).map(|rival| problem.candidates()[rival.candidate].site.as_str()).collect();
+    // A further instance of an effect is `elbow#2`.
+    joints.filter(|joint| sites.iter().any(|site| site.split('#').next() == Some(*joint))).collect()
 }
 
 fn proposal(drive: &Excitation, favourite: &str, rivals: Vec<RivalExplanation>, so_far: &[f64]) -> NextExperiment {
