@@ -38,3 +38,4 @@ mod start;
 mod studio;
 mod terminal;
 mod verbs;
+mod warned;

@@ -7,7 +7,7 @@ use super::logs::scenarios::ScenarioReader;
 use super::logs::source::{LogSource, ReadLog, Recordings};
 use super::source::{FileError, Source};
 use crate::log_quality::repeats::Repeats;
-use crate::log_quality::{beside_model, coverage, quality, torque_noise};
+use crate::log_quality::{at_limit, beside_model, coverage, quality, stated_noise, torque_noise};
 use btr_core::limits::MOST_LOGS;
 use btr_core::log::Log;
 use btr_identify::quality::Quality;
@@ -123,10 +123,13 @@ where
     let means_of = recordings.learn.iter().map(|read| read.means_of).max().unwrap_or(1);
     let floors = torque_noise::floors(&model, (&sensors, means_of), &logs);
     model.setup.noise.channels.extend(floors);
+    let simulated = beside_model::simulated(&model);
     let beside = match file.channels.keep_glitches {
         true => vec![Vec::new(); logs.len()],
-        false => beside_model::leave_out(&model, &mut logs),
+        false => beside_model::leave_out(&model, &mut logs, &simulated),
     };
+    warnings.extend(stated_noise::warning(&model, &logs, &simulated));
+    warnings.extend(at_limit::warnings(&model, &simulated));
     let repeats = Repeats::of(&model, &logs, &declared);
     model.setup.noise.unpredictable.channels = repeats.noise();
     let all = recordings.learn.iter().chain(&recordings.held_out);

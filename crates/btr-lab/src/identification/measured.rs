@@ -65,7 +65,7 @@ impl IdentificationProblem {
     /// much from its model's.
     pub(super) fn lower_floors(&mut self, u: &[f64]) -> Result<(), WorldError> {
         let noise = &self.model.setup.noise;
-        let known = compared(&self.model).all(|name| noise.stated(&name).is_some());
+        let known = compared(&self.model).all(|name| noise.states_white(&name));
         if known || self.model.robot.base == Base::Floating {
             return Ok(());
         }

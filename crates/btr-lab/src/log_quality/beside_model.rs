@@ -1,4 +1,4 @@
-//! Glitches that show beside a simulation of the log.
+//! Simulations of the logs by the model as it stands, and glitches that show beside them.
 
 use btr_core::log::Log;
 use btr_core::world::Simulator;
@@ -7,18 +7,21 @@ use btr_physics::model::Model;
 use btr_physics::robot::Base;
 use rayon::prelude::*;
 
-/// Leaves out the readings that depart from the model's motion as no error of a model does, and returns them; `logs`
-/// are those of the model's scenarios. None for logs on which the model diverges.
-pub(crate) fn leave_out(model: &Model, logs: &mut [Log]) -> Vec<Vec<GlitchReport>> {
+/// The model's motion in each of its scenarios; `None` where it diverges, and where nothing is searched beside it.
+pub(crate) fn simulated(model: &Model) -> Vec<Option<Log>> {
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
-    let of_log = |(k, log): (usize, &mut Log)| {
-        if !is_searched(model) {
-            return Vec::new();
-        }
-        let Ok(simulated) = model.simulate(model.request(&s, k).controller(&c)) else { return Vec::new() };
-        leave_out_beside(model, log, simulated, &[])
+    let of_scenario = |k: usize| model.simulate(model.request(&s, k).controller(&c)).ok();
+    let scenarios = (0..model.scenarios.len()).into_par_iter();
+    scenarios.map(|k| is_searched(model).then(|| of_scenario(k)).flatten()).collect()
+}
+
+/// Leaves out the readings that depart from the model's motion as no error of a model does, and returns them; `logs`
+/// and `simulated` are those of the model's scenarios.
+pub(crate) fn leave_out(model: &Model, logs: &mut [Log], simulated: &[Option<Log>]) -> Vec<Vec<GlitchReport>> {
+    let of_log = |(log, simulated): (&mut Log, &Option<Log>)| {
+        simulated.clone().map_or_else(Vec::new, |simulated| leave_out_beside(model, log, simulated, &[]))
     };
-    logs.par_iter_mut().enumerate().map(of_log).collect()
+    logs.par_iter_mut().zip(simulated).map(of_log).collect()
 }
 
 /// Whether glitches are searched beside the model: not for floating robots, whose contacts come at other times in the

@@ -132,7 +132,9 @@ fn noise(problem: &IdentificationProblem) -> SensorNoise {
     };
     let noise = problem.model().setup.noise.clone();
     let or = |given: f64, estimated: f64| if given > 0.0 { given } else { estimated };
-    let position = if noise.position_quantum > 0.0 { noise.position } else { or(noise.position, largest("q_")) };
+    // A floor contains the encoders' step, which is added by itself.
+    let white = (largest("q_").powi(2) - noise.position_quantum.powi(2) / 12.0).max(0.0).sqrt();
+    let position = or(noise.position, white);
     SensorNoise { position, gyro_rad_s: or(noise.gyro_rad_s, largest("imu_gyro_")), ..noise }
 }
 
