@@ -133,10 +133,13 @@ pub(crate) enum Verb {
         name: Option<String>,
     },
     /// Describe a log; without one, list drives, distances, searches, terms
-    #[command(after_help = "Example:\n  btr info walk.mcap")]
+    #[command(after_help = "Examples:\n  btr info walk.mcap\n  btr info lerobot_folder#0 --model arm.toml")]
     Info {
-        /// A log (MCAP or CSV)
+        /// A log: MCAP, CSV, or an episode of a LeRobot data set (FOLDER#0)
         log: Option<PathBuf>,
+        /// Read the log as this model does: its [channels] name columns and state their units
+        #[arg(long, requires = "log")]
+        model: Option<PathBuf>,
     },
     /// Convert a log between CSV and MCAP
     #[command(after_help = "Example:\n  btr convert walk.csv walk.mcap")]
@@ -197,7 +200,7 @@ pub(crate) struct SimulateArgs {
 pub(crate) struct NewArgs {
     /// The robot: .urdf, .xacro, or .xml (URDF or MJCF)
     pub(crate) robot: PathBuf,
-    /// Logs of the robot (CSV or MCAP), whose columns become its channels
+    /// Logs of the robot (CSV, MCAP, or a LeRobot data set's FOLDER), whose columns become its channels
     #[arg(value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     /// Where to write the model; the URDF of a xacro file or MuJoCo model is written beside it

@@ -66,7 +66,7 @@ fn answer(args: &Args) -> Result<u8, Failure> {
         Verb::Export(export) => cmd::models::export::run(export, &args.global),
         Verb::Studio(studio) => cmd::models::studio::run(studio, &args.global),
         Verb::Effects { name } => cmd::effects::run(name.as_deref(), &args.global),
-        Verb::Info { log } => cmd::info::run(log.as_deref(), &args.global),
+        Verb::Info { log, model } => cmd::info::run(log.as_deref(), model.as_deref(), &args.global),
         Verb::Convert { from, to } => cmd::convert::run(from, to, &args.global),
         Verb::Schema => cmd::generated::schema(),
         Verb::Completions { shell } => cmd::generated::completions(*shell),

@@ -32,12 +32,11 @@ pub(crate) fn log_at(path: &Path) -> LogSource {
     if is_stdin(path) { LogSource::Stdin } else { LogSource::File(path.to_owned()) }
 }
 
-/// Reads a log as it is, without a model.
-pub(crate) fn read_log(path: &Path) -> Result<(Log, Vec<Warning>), IoError> {
-    let mapping = Mapping::default();
+/// Reads a log, without a robot; its columns mean what the mapping says.
+pub(crate) fn read_log(path: &Path, mapping: &Mapping) -> Result<(Log, Vec<Warning>), IoError> {
     match log_at(path) {
-        source @ LogSource::Stdin => btr_io::read_stream(source.path(), std::io::stdin().lock(), &mapping),
-        _ => btr_io::read_log(path, &mapping),
+        source @ LogSource::Stdin => btr_io::read_stream(source.path(), std::io::stdin().lock(), mapping),
+        _ => btr_io::read_log(path, mapping),
     }
 }
 

@@ -7,6 +7,7 @@ use crate::terminal;
 use btr_core::distance::DISTANCES;
 use btr_core::log::{Channel, Log};
 use btr_core::search::SEARCHES;
+use btr_io::Mapping;
 use btr_lab::failure::Failure;
 use btr_physics::drive::DRIVES;
 use btr_physics::model::task::TERMS;
@@ -14,15 +15,22 @@ use btr_report::table::{Table, number};
 use serde_json::{Value, json};
 use std::path::Path;
 
-pub(crate) fn run(path: Option<&Path>, global: &Global) -> Result<u8, Failure> {
+/// Said of units where no model states them.
+const UNITS: &str = "units: as the names of the columns say, or btr's own; --model MODEL reads them by its [channels]";
+
+pub(crate) fn run(path: Option<&Path>, model: Option<&Path>, global: &Global) -> Result<u8, Failure> {
     match path {
-        Some(path) => about_log(path, global),
+        Some(path) => about_log(path, model, global),
         None => about_btr(global),
     }
 }
 
-fn about_log(path: &Path, global: &Global) -> Result<u8, Failure> {
-    let (log, warnings) = common::read_log(path)?;
+fn about_log(path: &Path, model: Option<&Path>, global: &Global) -> Result<u8, Failure> {
+    let mapping = match model {
+        Some(model) => common::source(model, global)?.parse()?.channels,
+        None => Mapping::default(),
+    };
+    let (log, warnings) = common::read_log(path, &mapping)?;
     let warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
     let rate_hz = (log.len().saturating_sub(1)) as f64 / log.duration_s();
     if global.json {
@@ -37,6 +45,9 @@ fn about_log(path: &Path, global: &Global) -> Result<u8, Failure> {
     println!("{}: {} samples, {} s, {} Hz", path.display(), log.len(), number(log.duration_s()), number(rate_hz));
     warnings.iter().for_each(|w| eprintln!("warning: {w}"));
     terminal::table(&channels(&log));
+    if model.is_none() && !global.quiet {
+        println!("{UNITS}");
+    }
     Ok(DONE)
 }
 

@@ -1,6 +1,8 @@
-//! `[channels]` of a new model file.
+//! `[channels]` of a new model file, and `[noise]`, commented out: what the logs show of the sensors.
 
 use super::column::{Column, Unit};
+use super::gains::rounded;
+use super::noise::ShownNoise;
 use super::text::{Writer, key, number, quoted};
 use super::units::says_its_unit;
 
@@ -50,6 +52,26 @@ impl Writer<'_> {
         if !without.is_empty() && !self.columns.columns.is_empty() {
             let told = format!("no log has columns of {}", without.join(", "));
             self.told.push(told);
+        }
+    }
+
+    /// Stated noise counts rather than that of the logs, so nothing is stated that only they say.
+    pub(super) fn noise(&mut self) {
+        let ShownNoise { position, position_quantum, torque } = self.columns.noise;
+        let shown = [
+            ("position_rad", position, "white noise of the encoders, standard deviation"),
+            ("position_quantum_rad", position_quantum, "their step"),
+            ("torque_n_m", torque, "of measured torques"),
+        ];
+        self.line("\n# The noise floor is estimated from the logs. State the sensors' noise if it is correlated from sample to sample,");
+        self.line("# or if logs are full of impacts; a part that is not stated is still estimated.");
+        if shown.iter().all(|(_, value, _)| *value <= 0.0) {
+            self.line("# [noise]\n# position_rad = 0.0005\n# position_quantum_rad = 0.0015  # 2·pi/4096 for 12 bits");
+            return;
+        }
+        self.line("# [noise]  # what the log shows");
+        for (key, value, what) in shown.into_iter().filter(|(_, value, _)| *value > 0.0) {
+            self.line(&format!("# {key} = {}  # {what}", number(rounded(value))));
         }
     }
 }

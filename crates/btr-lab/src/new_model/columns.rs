@@ -1,6 +1,7 @@
 //! Which columns of logs are the joints' channels.
 
 use super::column::{Column, Unit};
+use super::noise::ShownNoise;
 use super::units;
 use super::words::{Kind, distinctive, is_time, kind_of, words};
 use crate::failure::Failure;
@@ -25,13 +26,15 @@ pub struct LogColumns {
     pub(super) unmatched: Vec<String>,
     /// Guesses, in words.
     pub(super) told: Vec<String>,
+    /// The noise of its columns.
+    pub(super) noise: ShownNoise,
     /// What logs lack, in words.
     pub(super) lacking: Vec<String>,
 }
 
 /// A log, and what its columns are called.
-struct NamedLog<'a> {
-    path: &'a Path,
+struct NamedLog {
+    path: PathBuf,
     names: Vec<String>,
 }
 
@@ -41,18 +44,29 @@ impl LogColumns {
     /// # Errors
     /// A log that cannot be read; one in which no joint is found.
     pub fn matched(logs: &[PathBuf], robot: &Robot) -> Result<Self, Failure> {
-        let logs = logs.iter().map(|path| NamedLog::read(path)).collect::<Result<Vec<_>, _>>()?;
+        let mut told = Vec::new();
+        let mut read = |path: &PathBuf| match btr_io::first_episode(path).map_err(unreadable)? {
+            Some((first, episodes)) => {
+                let set = path.display();
+                told.push(format!(
+                    "{set} has {episodes} episodes: columns and units are those of the first; a log of it is called {set}#0"
+                ));
+                NamedLog::read(first)
+            }
+            None => NamedLog::read(path.clone()),
+        };
+        let logs = logs.iter().map(&mut read).collect::<Result<Vec<_>, _>>()?;
         let Some(first) = logs.first() else { return Ok(LogColumns::default()) };
         for log in &logs {
             let mut alone = LogColumns { time: time_of(&log.names), ..LogColumns::default() };
             alone.match_names(&log.names, robot);
             if alone.columns.is_empty() {
-                return Err(nothing_found(log.path, &log.names, robot));
+                return Err(nothing_found(&log.path, &log.names, robot));
             }
         }
         let all: IndexSet<&String> = logs.iter().flat_map(|log| &log.names).collect();
         let all: Vec<String> = all.into_iter().cloned().collect();
-        let mut found = LogColumns { time: time_of(&first.names), ..LogColumns::default() };
+        let mut found = LogColumns { time: time_of(&first.names), told, ..LogColumns::default() };
         if found.time.is_none() && !KNOWN_TIMES.iter().any(|t| first.names.iter().any(|name| name == t)) {
             found.time = first.only_clock();
             found.told.extend(found.time.iter().map(|name| format!("{name} is the clock: no other column only grows")));
@@ -71,6 +85,7 @@ impl LogColumns {
             found.told.push(format!("the clock counts {}, by its steps", unit.name()));
         }
         found.told.extend(units::guess(&mut found.columns, &log, robot));
+        found.noise = ShownNoise::of(&found.columns, &log);
         Ok(found)
     }
 
@@ -174,12 +189,12 @@ impl LogColumns {
     }
 }
 
-impl<'a> NamedLog<'a> {
-    fn read(path: &'a Path) -> Result<Self, Failure> {
-        let names = match btr_io::column_names(path).map_err(unreadable)? {
+impl NamedLog {
+    fn read(path: PathBuf) -> Result<Self, Failure> {
+        let names = match btr_io::column_names(&path).map_err(unreadable)? {
             Some(names) => names,
             None => {
-                let (log, _) = btr_io::read_log(path, &Mapping::default()).map_err(unreadable)?;
+                let (log, _) = btr_io::read_log(&path, &Mapping::default()).map_err(unreadable)?;
                 log.channels().map(|(name, _)| name.to_owned()).collect()
             }
         };
@@ -187,12 +202,12 @@ impl<'a> NamedLog<'a> {
     }
 }
 
-impl NamedLog<'_> {
+impl NamedLog {
     /// The only column that can be a clock: its numbers only grow.
     fn only_clock(&self) -> Option<String> {
         let grows = |name: &&String| {
             let mapping = Mapping { time: Some((*name).clone()), ..Mapping::default() };
-            btr_io::read_log(self.path, &mapping).is_ok()
+            btr_io::read_log(&self.path, &mapping).is_ok()
         };
         let mut clocks = self.names.iter().filter(grows);
         let first = clocks.next()?;

@@ -9,6 +9,7 @@ mod columns;
 mod convert;
 mod description;
 mod gains;
+mod noise;
 mod parameters;
 mod text;
 mod units;

@@ -14,6 +14,9 @@ const LIGHT: f64 = 0.02;
 impl Writer<'_> {
     pub(super) fn parameters(&mut self) {
         self.line("\n[parameters]  # what a fit may change, and a diagnosis refits: remove what you know for sure");
+        self.line(
+            "# relative = [0.85, 1.15] is ±15 % of the value that the model states; bounds = [LOW, HIGH] are values",
+        );
         for mass in self.heavy_links().into_iter().map(|link| key(&format!("mass@{link}"))) {
             self.line(&format!("{mass} = {{ relative = [0.8, 1.25] }}"));
         }

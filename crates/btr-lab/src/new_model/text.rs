@@ -11,6 +11,9 @@ use btr_core::text::{Text, Verb};
 use btr_physics::robot::urdf::parse_urdf;
 use btr_physics::robot::{Base, Joint, Robot};
 
+/// Where a limit of torque is from.
+const EFFORT: &str = "max_torque is the URDF's effort, often a placeholder";
+
 /// Where a model's URDF is.
 pub enum UrdfPlace {
     /// In a file.
@@ -59,6 +62,7 @@ pub fn written(
     writer.actuators();
     writer.effects();
     writer.channels();
+    writer.noise();
     writer.parameters();
     let warnings = robot.warnings.iter().chain(&columns.lacking).cloned().collect();
     Ok(Draft { text: writer.text, told: writer.told, warnings })
@@ -156,6 +160,9 @@ impl Writer<'_> {
             };
             self.line(&format!("{} = {table}{remark}", key(&joint.name)));
         }
+        if !follows || torques {
+            self.tell_efforts(&joints);
+        }
         if unknown {
             self.told.push(match (torques, follows) {
                 (true, _) => "commands are torques, by their names".to_owned(),
@@ -165,10 +172,30 @@ impl Writer<'_> {
         }
     }
 
+    /// Tells the limits of torque that are only those of the URDF: they are often placeholders.
+    fn tell_efforts(&mut self, joints: &[(usize, Joint, JointFacts)]) {
+        let limited = joints.iter().filter(|(_, _, facts)| facts.actuator.is_none());
+        let of_joint = |(_, joint, facts): &(usize, Joint, JointFacts)| Some((joint.name.clone(), facts.torque_limit?));
+        let mut by_limit: Vec<(f64, Vec<String>)> = Vec::new();
+        for (joint, limit) in limited.filter_map(of_joint) {
+            match by_limit.iter_mut().find(|(known, _)| known.to_bits() == limit.to_bits()) {
+                Some((_, joints)) => joints.push(joint),
+                None => by_limit.push((limit, vec![joint])),
+            }
+        }
+        for (limit, joints) in by_limit {
+            let (limit, joints) = (number(limit), joints.join(", "));
+            self.told.push(format!(
+                "max_torque = {limit} of {joints} is the URDF's effort, often a placeholder: state the motor's own limit, \
+                 or remove it"
+            ));
+        }
+    }
+
     fn servo(&self, link: usize, facts: &JointFacts) -> (String, String) {
         let (kp, kd) = guessed(&self.built, link, facts.torque_limit);
         let gains = format!("kind = \"position\", kp = {}, kd = {}", number(kp), number(kd));
-        let effort = if facts.torque_limit.is_some() { "; max_torque is the URDF's effort" } else { "" };
+        let effort = facts.torque_limit.map_or_else(String::new, |_| format!("; {EFFORT}"));
         (bounded(&gains, facts), format!("  # {SERVO_GUESS}{effort}"))
     }
 
@@ -227,7 +254,7 @@ fn bounded(fields: &str, facts: &JointFacts) -> String {
 }
 
 fn effort_remark(facts: &JointFacts) -> String {
-    facts.torque_limit.map_or_else(String::new, |_| "  # max_torque is the URDF's effort".to_owned())
+    facts.torque_limit.map_or_else(String::new, |_| format!("  # {EFFORT}"))
 }
 
 fn command_remark(facts: &JointFacts) -> String {
