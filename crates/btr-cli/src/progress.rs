@@ -14,6 +14,11 @@ use std::time::{Duration, Instant};
 /// Redraw period of the status line.
 const TICK: Duration = Duration::from_millis(200);
 
+/// A number of real tests in words.
+pub(crate) fn tests(count: usize) -> String {
+    if count == 1 { "1 real test".to_owned() } else { format!("{count} real tests") }
+}
+
 /// The live display of a run.
 pub(crate) struct Progress {
     bar: ProgressBar,
@@ -80,7 +85,7 @@ impl Progress {
             String::new()
         };
         let (before, after) = (maybe(it.phi_predicted), maybe(it.phi));
-        self.say(&format!("iteration {}/{of} · {fitness}phi {before} → {after} · {} real tests", it.i, it.real_tests));
+        self.say(&format!("iteration {}/{of} · {fitness}phi {before} → {after} · {}", it.i, tests(it.real_tests)));
         if it.phi.is_some() {
             self.say(&format!("  {}", parameters.join(" ")));
         }
@@ -114,7 +119,7 @@ impl Progress {
         if let Some(it) = state.history().iterations.last() {
             let _ = write!(line, " · real {} · phi {}", maybe(it.best_real), maybe(it.phi));
         }
-        let _ = write!(line, " · {} real tests · ETA {}", state.ledger().spent(), self.eta(state));
+        let _ = write!(line, " · {} · ETA {}", tests(state.ledger().spent()), self.eta(state));
         line
     }
 

@@ -91,6 +91,16 @@ pub(crate) fn table(table: &Table) {
     show(Tone::Plain, &table.render_within(columns()));
 }
 
+/// Prints a table whose last column has long names; on a narrower terminal, these have lines of their own.
+pub(crate) fn names_last(table: &Table) {
+    let text = table.render_names_last();
+    let widest = text.lines().map(|line| line.chars().count()).max().unwrap_or(0);
+    match columns() {
+        Some(columns) if widest > columns => show(Tone::Plain, &table.last_first().render_within(Some(columns))),
+        _ => show(Tone::Plain, &text),
+    }
+}
+
 /// The text with lines of at most this many characters, as far as its words allow. What follows the first line is
 /// indented further.
 fn wrapped(text: &str, columns: usize) -> String {

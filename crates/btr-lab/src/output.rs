@@ -9,11 +9,18 @@ use btr_core::text::Mention;
 use btr_io::{IoError, Mapping};
 use std::path::{Path, PathBuf};
 
+/// Begins model files that btr has written, so that a later output may replace them.
+const MARK: &str = "# Written by btr: another output may replace this file.";
+/// Begins the schema's line, which editors want first.
+const SCHEMA: &str = "#:schema";
+
 /// Kind of an output.
 #[derive(Clone, Copy)]
 pub enum OutputKind {
     /// A model's TOML.
     Model,
+    /// The same with fitted values: it replaces no file that people have written.
+    FittedModel,
     /// An HTML report.
     Report,
     /// A log.
@@ -80,6 +87,13 @@ impl OutputFile<'_> {
         }
         match self.kind {
             OutputKind::Model => self.ends_in(&["toml"], "a model"),
+            OutputKind::FittedModel => {
+                let is_by_hand = std::fs::read_to_string(self.path).is_ok_and(|text| !is_by_btr(&text));
+                if is_by_hand {
+                    return Err(refused(format!("{name} exists and was not written by btr: it would be lost")));
+                }
+                self.ends_in(&["toml"], "a model")
+            }
             OutputKind::Foreign(endings) => self.ends_in(endings, "the output"),
             OutputKind::Report => self.ends_in(&["html"], "a report"),
             OutputKind::Log(overwrite) => {
@@ -116,4 +130,35 @@ fn refused(message: String) -> Failure {
 /// Why a file cannot be written.
 pub fn unwritable(error: &IoError) -> Failure {
     Failure::new("output", error.to_string(), Some(error.help()))
+}
+
+/// The text of a model with the comment.
+pub fn written_by_btr(text: &str) -> String {
+    if is_by_btr(text) {
+        return text.to_owned();
+    }
+    match text.split_once('\n') {
+        Some((first, rest)) if first.starts_with(SCHEMA) => format!("{first}\n{MARK}\n{rest}"),
+        _ => format!("{MARK}\n{text}"),
+    }
+}
+
+/// Whether the text of a model has the comment.
+pub fn is_by_btr(text: &str) -> bool {
+    text.lines().take(2).any(|line| line == MARK)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mark_comes_after_the_schema_and_only_once() {
+        let model = "#:schema ../btr.schema.json\n# An arm.\nname = \"arm\"\n";
+        let written = written_by_btr(model);
+        assert_eq!(written, format!("#:schema ../btr.schema.json\n{MARK}\n# An arm.\nname = \"arm\"\n"));
+        assert_eq!(written_by_btr(&written), written);
+        assert!(is_by_btr(&written) && !is_by_btr(model) && !is_by_btr(&format!("\n\n{MARK}")));
+        assert_eq!(written_by_btr("name = \"arm\"\n"), format!("{MARK}\nname = \"arm\"\n"));
+    }
 }

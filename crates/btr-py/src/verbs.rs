@@ -28,7 +28,7 @@ fn sources(logs: Vec<LogArgument>) -> Vec<LogSource> {
 /// The logs of a call; if one cannot be used, the others, unless `strict`.
 fn replays(model: &Source, [learn, held_out]: [&[LogSource]; 2], strict: bool) -> PyResult<Replays> {
     let damaged = if strict { DamagedLogs::Refuse } else { DamagedLogs::LeaveOut };
-    experiment::replays_of(model, learn, held_out, damaged).map_err(Raise::raise)
+    experiment::replays_of(model, learn, held_out, damaged, &|_| {}).map_err(Raise::raise)
 }
 
 /// The quality of logs, and which free parameters they identify.
@@ -47,7 +47,7 @@ pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<LogArgument>, str
     let logs = sources(logs);
     at_once(py, &model.source, || {
         let replays = replays(&model.source, [&logs, &[]], strict)?;
-        let outcome = verbs::compare(&model.source, replays)
+        let outcome = verbs::compare(&model.source, replays, &|_, _| {})
             .map_err(|error| Failure::input(error, &[]).of_simulated(&model.source.path).raise())?;
         Ok((outcome.document().to_string(), Page::new(&model.source, move || html::compare(&outcome))))
     })

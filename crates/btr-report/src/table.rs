@@ -35,20 +35,23 @@ impl Table {
     }
 
     /// The table as text in lines of at most this many characters, where that is given: in a table that is wider, the
-    /// first column has lines of its own.
+    /// first column has lines of its own, folded between its words.
     pub fn render_within(&self, columns: Option<usize>) -> String {
         let text = self.render();
         let widest = text.lines().map(|line| line.chars().count()).max().unwrap_or(0);
-        if columns.is_none_or(|columns| widest <= columns) || self.header.len() < 3 { text } else { self.stacked() }
+        match columns {
+            Some(columns) if widest > columns && self.header.len() >= 3 => self.stacked(columns),
+            _ => text,
+        }
     }
 
     /// The table with the first column in lines of its own.
-    fn stacked(&self) -> String {
+    fn stacked(&self, columns: usize) -> String {
         let rest = |row: &Vec<String>| std::iter::once(String::new()).chain(row.iter().skip(1).cloned()).collect();
         let others = Table { header: rest(&self.header), rows: self.rows.iter().map(rest).collect() }.render();
         let mut lines: Vec<String> = others.lines().map(str::to_owned).collect();
         for (k, row) in self.rows.iter().enumerate().rev() {
-            lines.insert(k + 2, row.first().cloned().unwrap_or_default());
+            lines.insert(k + 2, folded(row.first().map_or("", String::as_str), columns));
         }
         lines.join("\n")
     }
@@ -58,6 +61,13 @@ impl Table {
     pub fn columns(&self, kept: &[usize]) -> Table {
         let of = |row: &Vec<String>| kept.iter().filter_map(|k| row.get(*k).cloned()).collect();
         Table { header: of(&self.header), rows: self.rows.iter().map(of).collect() }
+    }
+
+    /// The table with its last column as the first.
+    #[must_use]
+    pub fn last_first(&self) -> Table {
+        let last = self.header.len().saturating_sub(1);
+        self.columns(&std::iter::once(last).chain(0..last).collect::<Vec<_>>())
     }
 
     /// The table as text, with the last column left-aligned and the others right-aligned: for long names.
@@ -78,6 +88,26 @@ impl Table {
         lines.insert(1, widths.iter().map(|w| "-".repeat(*w)).collect::<Vec<_>>().join("  "));
         lines.join("\n")
     }
+}
+
+/// A text in lines of at most this many characters, as far as its words allow; further lines are indented.
+fn folded(text: &str, columns: usize) -> String {
+    let mut out = String::new();
+    let mut used = 0;
+    for word in text.split(' ') {
+        let length = word.chars().count();
+        let (gap, indented) = if used == 0 {
+            ("", 0)
+        } else if used + 1 + length > columns {
+            ("\n    ", 4)
+        } else {
+            (" ", used + 1)
+        };
+        out += gap;
+        out += word;
+        used = indented + length;
+    }
+    out
 }
 
 fn line(row: &[String], widths: &[usize], left: &impl Fn(usize) -> bool) -> String {
@@ -129,6 +159,11 @@ mod tests {
         assert_eq!(table.render_within(Some(17)), table.render());
         assert_eq!(table.render_within(None), table.render());
         assert_eq!(table.render_within(Some(16)), "  x  y\n  -  -\na_long_name\n  1  2");
+        let mut table = Table::new(&["name", "x", "y"]);
+        table.row(vec!["one and two for three".into(), "1".into(), "2".into()]);
+        assert_eq!(table.render_within(Some(12)), "  x  y\n  -  -\none and two\n    for\n    three\n  1  2");
+        let mut table = Table::new(&["name", "x", "y"]);
+        table.row(vec!["a_long_name".into(), "1".into(), "2".into()]);
         assert_eq!(table.columns(&[2, 0]).render_left(), "y  name\n-  -----------\n2  a_long_name");
     }
 }

@@ -10,7 +10,7 @@ use btr_identify::fit::{Degree, Estimate, RemainingError};
 use btr_identify::quality::Severity;
 use btr_identify::residual_model::TimeStep;
 use btr_lab::experiment::LeftOutLog;
-use btr_lab::verbs::{CompareReport, CorrectedValue, DiagnoseReport, Doubt, NoiseFloor, Support};
+use btr_lab::verbs::{CompareReport, CorrectedValue, DiagnoseReport, Doubt, FitReport, NoiseFloor, Support};
 use std::path::{Path, PathBuf};
 
 /// The severity of a finding as a word.
@@ -133,14 +133,51 @@ pub fn removable(without_effect: &[String]) -> Option<String> {
     ))
 }
 
-/// Parameters at bounds that may keep them from a better value: not those of effects that ended at nothing.
-pub fn at_bounds(report: &DiagnoseReport) -> Vec<&str> {
+/// What to do about parameters at bounds that may keep them from a better value: not those of effects that ended at
+/// nothing.
+pub fn about_bounds(report: &DiagnoseReport) -> Vec<String> {
     let is_of = |name: &str, idle: &str| {
         let (effect, site) = idle.split_once('@').unwrap_or((idle, "*"));
         name.starts_with(&format!("{effect}.")) && name.ends_with(&format!("@{site}"))
     };
     let names = report.at_bound.iter().map(String::as_str);
-    names.filter(|name| !report.without_effect.iter().any(|idle| is_of(name, idle))).collect()
+    let names = names.filter(|name| !report.without_effect.iter().any(|idle| is_of(name, idle)));
+    let (limits, bounds): (Vec<&str>, Vec<&str>) =
+        names.partition(|name| report.at_limit.iter().any(|limit| limit == name));
+    let told = |what: &str, names: &[&str], advice: &str| {
+        (!names.is_empty()).then(|| format!("{what}: {}; {advice}", names.join(", ")))
+    };
+    let widen = "widen the bounds before relying on this result";
+    let no_further = "they cannot go further, so they may make up for something else: freeze them at what you know";
+    told("at their bounds", &bounds, widen).into_iter().chain(told("at their limits", &limits, no_further)).collect()
+}
+
+/// Header of a table of fitted parameters.
+pub const FITTED: [&str; 6] = ["parameter", "in the model", "fitted", "unit", "95 % interval", "moved"];
+
+/// The table row of a fitted parameter, under [`FITTED`].
+pub fn fitted(report: &FitReport, estimate: &Estimate) -> Vec<String> {
+    let in_model = maybe(report.in_model.get(&estimate.name).copied());
+    let moved = if report.has_moved(estimate) { "yes" } else { "" };
+    let (value, unit) = (number(estimate.value), estimate.unit.clone());
+    vec![estimate.name.clone(), in_model, value, unit, interval(estimate), moved.to_owned()]
+}
+
+/// The most names that a sentence gives as an example.
+const EXAMPLES: usize = 4;
+
+/// Where an output would change many numbers by noise alone: what keeps them.
+pub fn moved_by_noise(report: &FitReport) -> Option<String> {
+    let (count, names) = report.moved_by_noise()?;
+    let of = report.parameters.len();
+    let freeze: Vec<String> =
+        names.iter().take(EXAMPLES).map(|name| format!("--freeze {}", shell_word(name))).collect();
+    let more = if names.len() > EXAMPLES { " ..." } else { "" };
+    Some(format!(
+        "{count} of {of} parameters changed by no more than their uncertainty: saved or exported, they change {count} numbers by \
+         noise alone; {}{more} keeps the model's",
+        freeze.join(" ")
+    ))
 }
 
 /// The table row of an estimate, under [`ESTIMATES`].

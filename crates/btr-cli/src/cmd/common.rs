@@ -17,6 +17,7 @@ use btr_lab::failure::Failure;
 use btr_lab::verbs;
 use btr_lab::verbs::{CommonFinding, Doubt, ErrorUnit, NoiseFloor};
 use btr_report::table::{Table, number};
+use std::cell::Cell;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -67,9 +68,15 @@ pub(crate) fn read(
     reading: &Reading,
     global: &Global,
 ) -> Result<Replays, Failure> {
-    let _status = Status::new(&reading_of(logs[0].len() + logs[1].len()), global);
+    let of = logs[0].len() + logs[1].len();
+    let status = Status::new(&reading_of(of), global);
+    let begun = Cell::new(0);
+    let on_log = |path: &Path| {
+        begun.set(begun.get() + 1);
+        status.doing(&format!("reading log {} of {of}: {}", begun.get(), path.display()));
+    };
     let [training, held_out] = logs.map(|logs| logs.iter().map(|path| log_at(path)).collect::<Vec<_>>());
-    Ok(experiment::replays_of(source, &training, &held_out, reading.damaged())?)
+    Ok(experiment::replays_of(source, &training, &held_out, reading.damaged(), &on_log)?)
 }
 
 /// Reads the logs and prints on stderr which were left out, warnings and findings.
@@ -89,7 +96,15 @@ pub(crate) fn replays(
     Ok((replays, doubts))
 }
 
-/// Prints findings on stderr; those that several joints have in common once.
+/// Prints findings on stderr that could only be judged beside a simulation.
+pub(crate) fn tell_judged(doubts: &[Doubt], global: &Global) {
+    for Doubt { log, finding } in doubts.iter().filter(|doubt| doubt.awaits_a_model() && !global.quiet) {
+        let word = btr_report::text::word(finding.severity);
+        complain(finding.severity.into(), word, &format!("{log}: {}", finding.sentence));
+    }
+}
+
+/// Prints findings on stderr, but those that a simulation may dispel; those that several joints have in common once.
 fn tell_doubts(replays: &Replays, doubts: &[Doubt]) {
     let joints = replays.model.robot.movable().count();
     let findings: Vec<&Finding> = doubts.iter().map(|doubt| &doubt.finding).collect();
@@ -98,7 +113,7 @@ fn tell_doubts(replays: &Replays, doubts: &[Doubt]) {
         complain((*severity).into(), btr_report::text::word(*severity), &format!("{sentence}\n{fix}"));
     }
     let apart = |doubt: &&Doubt| common.iter().all(|common| !common.covers(&doubt.finding));
-    for Doubt { log, finding } in doubts.iter().filter(apart) {
+    for Doubt { log, finding } in doubts.iter().filter(apart).filter(|doubt| !doubt.awaits_a_model()) {
         let word = btr_report::text::word(finding.severity);
         complain(finding.severity.into(), word, &format!("{log}: {}", finding.sentence));
     }
@@ -140,6 +155,13 @@ pub(crate) fn watch_for_interrupts(
     })
     .map_err(|e| Failure::new("signal", e.to_string(), None))?;
     Ok(interrupted)
+}
+
+/// An empty line between the steps that were told on stderr and the result; none where these were not told.
+pub(crate) fn apart_from_progress(global: &Global) {
+    if !global.quiet {
+        println!();
+    }
 }
 
 /// The error ladder as a table.

@@ -9,7 +9,7 @@ use crate::terminal::{Tone, note, say, table};
 use btr_lab::failure::Failure;
 use btr_lab::output::{OutputKind, guard, inputs};
 use btr_lab::verbs;
-use btr_lab::verbs::CompareReport;
+use btr_lab::verbs::{CompareReport, Doubt};
 use btr_report::html;
 use btr_report::table::Table;
 use btr_report::text::{CHANNEL_COLUMNS, CHANNEL_HEADER, FURTHER_LEGEND, LEGEND, about_the_step, channel_rows};
@@ -26,14 +26,21 @@ pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
     let source = common::source_of(&args.model, &args.reading, global)?;
     guard(OutputKind::Report.at(args.report.as_deref()), inputs(&source, args.logs.iter().cloned()))?;
     let (replays, doubts) = common::replays(&source, [&args.logs, &[]], &args.reading, global)?;
-    let status = Status::new(&format!("simulating {} logs", replays.logs.len()), global);
+    let of = replays.logs.len();
+    let status = Status::new("simulating the logs", global);
+    let on_log = |begun: usize, log: &str| status.doing(&format!("simulating log {} of {of}: {log}", begun + 1));
     let outcome =
-        verbs::compare(&source, replays).map_err(|e| Failure::input(e, &doubts).of_simulated(&source.path))?;
+        verbs::compare(&source, replays, &on_log).map_err(|e| Failure::input(e, &doubts).of_simulated(&source.path))?;
+    status.doing("comparing");
     if let Some(path) = &args.report {
         status.doing("drawing the report");
         write_report(path, &html::compare(&outcome))?;
     }
     drop(status);
+    let joints = outcome.verdict().joints;
+    let explains = |joint: &str| joints.iter().any(|other| other.joint == joint && other.sentence.is_none());
+    let left: Vec<Doubt> = doubts.into_iter().filter(|doubt| !doubt.is_dispelled(explains)).collect();
+    common::tell_judged(&left, global);
     if global.json {
         println!("{}", outcome.document());
     } else {

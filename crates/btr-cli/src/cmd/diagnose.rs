@@ -1,7 +1,7 @@
 //! `btr diagnose`: finds the missing physical effect.
 
 use super::common;
-use super::common::{announce, watch_for_interrupts, write_report, write_text};
+use super::common::{announce, apart_from_progress, watch_for_interrupts, write_report, write_text};
 use crate::args::{DiagnoseArgs, Global};
 use crate::exit::{DONE, INTERRUPTED, MISSED};
 use crate::status::Status;
@@ -33,7 +33,7 @@ const WORTH_SAYING_MIN: f64 = 2.0;
 pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     let source = common::source_of(&args.logs_args.model, &args.logs_args.reading, global)?;
     let commands = OutputKind::Log(Overwrite::Commands).at(args.next.as_deref());
-    let model = OutputKind::Model.at(args.output.as_deref());
+    let model = OutputKind::FittedModel.at(args.output.as_deref());
     let outputs = OutputKind::Report.at(args.logs_args.report.as_deref()).into_iter().chain(commands).chain(model);
     guard(outputs, inputs(&source, args.logs_args.all_logs()))?;
     let logs = [&args.logs_args.logs[..], &args.logs_args.held_out[..]];
@@ -72,9 +72,11 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
         write_report(path, &html::diagnose(&subject, &report, &diagnosed.fit.u))?;
     }
     drop(status);
+    common::tell_judged(&report.doubts, global);
     if global.json {
         println!("{}", serde_json::json!(report));
     } else {
+        apart_from_progress(global);
         show(&report, args, &subject, interrupted.load(Ordering::Relaxed));
     }
     announce(args.output.as_deref(), "the model as diagnosed", global);
@@ -138,7 +140,6 @@ fn word_of(verdict: Verdict) -> String {
 }
 
 fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject, interrupted: bool) {
-    println!();
     let so_far = if report.cut_short { "cut short; so far: " } else { "" };
     say(Tone::Lead, &format!("{so_far}{}", sentence(report)));
     if report.cut_short {
@@ -165,12 +166,7 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject, interru
     note(&btr_report::text::floors(&report.noise_floor));
     common::show_repeatability(&report.noise_floor, &report.remaining);
     note(&btr_report::text::integrator(report.integrator_error, report.time_step_s));
-    let at_bounds = btr_report::text::at_bounds(report);
-    if !at_bounds.is_empty() {
-        let names = at_bounds.join(", ");
-        let advice = "widen the bounds before relying on this result";
-        say(Tone::Doubtful, &format!("at their bounds: {names}; {advice}"));
-    }
+    btr_report::text::about_bounds(report).iter().for_each(|sentence| say(Tone::Doubtful, sentence));
     btr_report::text::removable(&report.without_effect).iter().for_each(|sentence| note(sentence));
     note(&format!("{} rollouts in {} s", report.rollouts, number(report.seconds)));
     let on = diagnose_command(report, subject, args.output.as_deref());

@@ -1,11 +1,11 @@
 //! `btr fit`: fits the free parameters of a model and prints their estimates.
 
 use super::common;
-use super::common::{announce, write_report, write_text};
+use super::common::{announce, apart_from_progress, write_report, write_text};
 use crate::args::{FitArgs, Global};
 use crate::exit::DONE;
 use crate::status::Status;
-use crate::terminal::{Tone, note, say, table};
+use crate::terminal::{Tone, names_last, note, say, table};
 use btr_identify::residual_model::ResidualModel;
 use btr_lab::experiment::Source;
 use btr_lab::failure::Failure;
@@ -47,9 +47,11 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
         write_report(path, &html::fit(&subject, &report, &fit.u))?;
     }
     drop(status);
+    common::tell_judged(&report.doubts, global);
     if global.json {
         println!("{}", serde_json::json!(report));
     } else {
+        apart_from_progress(global);
         show(&report, unit);
         if args.output.is_none() {
             println!("not saved: give -o FILE");
@@ -66,7 +68,7 @@ fn input_of(args: &FitArgs, global: &Global) -> Result<VerbInput, Failure> {
     let source = common::source_of(&logs_args.model, &logs_args.reading, global)?;
     let start = from.as_ref().map(|path| StartModel::new(Source::read(path)?)).transpose()?;
     let outputs = OutputKind::Report.at(logs_args.report.as_deref()).into_iter();
-    let outputs = outputs.chain(OutputKind::Model.at(output.as_deref()));
+    let outputs = outputs.chain(OutputKind::FittedModel.at(output.as_deref()));
     guard(outputs, inputs(&source, logs_args.all_logs().chain(from.clone())))?;
     let source = match &start {
         Some(start) => start.completing(source)?,
@@ -94,13 +96,15 @@ fn tell_unstated(input: &VerbInput, args: &FitArgs, global: &Global) {
 }
 
 fn show(report: &FitReport, unit: ErrorUnit) {
-    println!();
     table(&common::table(&report.error_ladder, unit));
     println!();
     if !report.parameters.is_empty() {
-        let mut estimates = Table::new(&btr_report::text::ESTIMATES);
-        report.parameters.iter().for_each(|estimate| estimates.row(btr_report::text::estimate(estimate)));
+        let mut estimates = Table::new(&btr_report::text::FITTED);
+        report.parameters.iter().for_each(|estimate| estimates.row(btr_report::text::fitted(report, estimate)));
         table(&estimates);
+    }
+    if report.parameters.iter().any(|estimate| report.has_moved(estimate)) {
+        note("moved: the value in the model lies outside the 95 % interval");
     }
     btr_report::text::given(&report.frozen, &report.with_prior).iter().for_each(|sentence| note(sentence));
     if report.parameters.iter().any(|estimate| estimate.by_bounds && !estimate.at_bound) {
@@ -116,6 +120,7 @@ fn show(report: &FitReport, unit: ErrorUnit) {
         say(Tone::Plain, &format!("\n{}", direction.sentence));
     }
     report.base_parameters.iter().for_each(show_base);
+    btr_report::text::moved_by_noise(report).iter().for_each(|sentence| say(Tone::Plain, &format!("\n{sentence}")));
     println!();
     note(&btr_report::text::floors(&report.noise_floor));
     common::show_repeatability(&report.noise_floor, &report.remaining);
@@ -125,7 +130,7 @@ fn show(report: &FitReport, unit: ErrorUnit) {
 
 fn show_base(report: &BaseReport) {
     println!();
-    crate::terminal::show(Tone::Plain, &base_parameters::combinations(report).render_names_last());
+    names_last(&base_parameters::combinations(report));
     println!();
     table(&base_parameters::remaining(report));
     println!();

@@ -3,7 +3,7 @@
 use super::dead_time;
 use super::frozen::frozen;
 use super::influence::pull;
-use super::report::{CommandResponse, Finding, Severity, Topic};
+use super::report::{CommandResponse, Finding, FindingCause, Severity, Topic};
 use btr_core::log::{Channel, Log, interpolate};
 use btr_core::signal::lag::{Lag, lag};
 use btr_core::signal::noise::NoiseEstimate;
@@ -98,7 +98,7 @@ fn in_degrees(joint: &str, command: &Channel, position: &Channel, lag: Option<La
         }
         () => return None,
     };
-    Some(Finding::new(Topic::Unit, Severity::Bad, suspect, sentence))
+    Some(Finding::new(Topic::Unit, Severity::Bad, suspect, sentence).because(FindingCause::Degrees))
 }
 
 /// Difference of the largest and the smallest value.
@@ -125,7 +125,7 @@ fn reversed(log: &Log, joint: &str, command: &Channel, position: &Channel, strai
             "{joint} moves opposite to its command (correlation {correlation:.2}): is its encoder or its command \
              reversed?"
         );
-        Some(Finding::new(Topic::Sign, Severity::Bad, joint, sentence))
+        Some(Finding::new(Topic::Sign, Severity::Bad, joint, sentence).because(FindingCause::Reversed))
     };
     // A joint that is driven above its resonance moves against its command as well, and a load may move it anywhere.
     let influence = pull(log.clock_s(), &command.values, &position.values);
@@ -183,9 +183,7 @@ fn late(log: &Log, joint: &str, command: &Channel, position: &Channel, lag: Opti
     }
     let (severity, why) = match () {
         () if before(&lag) => (Severity::Bad, ": clocks or channels are mixed up"),
-        () if lag.seconds > LATE_S && !swings => {
-            (Severity::Doubtful, ": late for a servo; are commands and positions stamped by one clock?")
-        }
+        () if lag.seconds > LATE_S && !swings => (Severity::Doubtful, LATE),
         () if lag.correlation < FOLLOWS && of_positions < FOLLOWS && !pulled => (
             Severity::Doubtful,
             ": its motion correlates poorly with its command; is it the same joint's, in the same unit?",
@@ -195,8 +193,12 @@ fn late(log: &Log, joint: &str, command: &Channel, position: &Channel, lag: Opti
     let (ms, sd) = (1e3 * lag.seconds, 1e3 * lag.sd_s);
     let sentence =
         format!("{joint} follows its command after {ms:.1} ± {sd:.1} ms (correlation {:.2}){why}", lag.correlation);
-    say(Topic::CommandLag, severity, sentence)
+    let finding = say(Topic::CommandLag, severity, sentence);
+    if why == LATE { finding.because(FindingCause::Late) } else { finding }
 }
+
+/// Said of a joint that is late.
+const LATE: &str = ": late for a servo; are commands and positions stamped by one clock?";
 
 /// A joint whose motion does not correlate with its command: other forces may move it more, or it is at a limit.
 fn uncorrelated(joint: &str, command: &Channel, position: &Channel, pulled: bool) -> Finding {
@@ -263,10 +265,11 @@ pub(super) fn velocity(log: &Log, joint: &str) -> Option<Finding> {
         () if !(0.7..1.4).contains(&ratio) => (Topic::Unit, Severity::Doubtful, &dq, format!("is {ratio:.2} times")),
         () => return None,
     };
-    let question = match (topic, severity) {
-        (Topic::Unit, Severity::Bad) => format!(": is {suspect} in degrees?"),
-        (Topic::Sign, Severity::Bad) => ": is one of them reversed?".to_owned(),
-        _ => String::new(),
+    let (cause, question) = match (topic, severity) {
+        (Topic::Unit, Severity::Bad) => (Some(FindingCause::Degrees), format!(": is {suspect} in degrees?")),
+        (Topic::Sign, Severity::Bad) => (Some(FindingCause::Reversed), ": is one of them reversed?".to_owned()),
+        _ => (None, String::new()),
     };
-    Some(Finding::new(topic, severity, suspect, format!("{dq} {what} the slope of {q}{question}")))
+    let sentence = format!("{dq} {what} the slope of {q}{question}");
+    Some(Finding { cause, ..Finding::new(topic, severity, suspect, sentence) })
 }

@@ -17,7 +17,9 @@ pub use clock::FEWEST_SAMPLES;
 pub use glitch_findings::glitch_findings;
 pub use glitches::{find_glitches, leave_out_glitches, leave_out_glitches_beside};
 pub use references::check_references;
-pub use report::{ClockReport, CommandResponse, Finding, GlitchReport, Quality, SensorReport, Severity, Topic};
+pub use report::{
+    ClockReport, CommandResponse, Finding, FindingCause, GlitchReport, Quality, SensorReport, Severity, Topic,
+};
 
 use btr_core::log::{Log, Role};
 

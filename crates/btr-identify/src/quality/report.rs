@@ -53,6 +53,17 @@ pub enum Topic {
     Start,
 }
 
+/// What may be behind a finding, where something acts on that.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FindingCause {
+    /// A channel is in degrees instead of radians.
+    Degrees,
+    /// A joint counts the other way round than its command or its velocity.
+    Reversed,
+    /// A joint follows its command later than servos do.
+    Late,
+}
+
 /// One result of a quality check.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
@@ -64,12 +75,21 @@ pub struct Finding {
     pub channel: String,
     /// Its description, one sentence.
     pub sentence: String,
+    /// What may be behind it.
+    #[serde(skip)]
+    pub cause: Option<FindingCause>,
 }
 
 impl Finding {
     /// A finding about a channel or joint.
     pub fn new(topic: Topic, severity: Severity, channel: &str, sentence: String) -> Self {
-        Finding { topic, severity, channel: channel.to_owned(), sentence }
+        Finding { topic, severity, channel: channel.to_owned(), sentence, cause: None }
+    }
+
+    /// The same with what may be behind it.
+    #[must_use]
+    pub fn because(self, cause: FindingCause) -> Self {
+        Finding { cause: Some(cause), ..self }
     }
 }
 

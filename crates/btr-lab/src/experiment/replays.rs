@@ -12,6 +12,7 @@ use btr_core::limits::MOST_LOGS;
 use btr_core::log::Log;
 use btr_identify::quality::Quality;
 use btr_physics::model::Model;
+use std::path::Path;
 
 /// Rounding of times, in s.
 const ROUNDED_S: f64 = 1e-9;
@@ -83,14 +84,21 @@ pub fn replays<L>(source: &Source, learn: &[L], held_out: &[L]) -> Result<Replay
 where
     L: Clone + Into<LogSource>,
 {
-    replays_of(source, learn, held_out, DamagedLogs::Refuse)
+    replays_of(source, learn, held_out, DamagedLogs::Refuse, &|_| {})
 }
 
-/// The same, with a choice for logs whose content cannot be used.
+/// The same, with a choice for logs whose content cannot be used; `on_log` is called with the path of each log before
+/// it is read.
 ///
 /// # Errors
 /// See [`replays`]; a damaged log is none where it is left out and another one of its purpose remains.
-pub fn replays_of<L>(source: &Source, learn: &[L], held_out: &[L], damaged: DamagedLogs) -> Result<Replays, FileError>
+pub fn replays_of<L>(
+    source: &Source,
+    learn: &[L],
+    held_out: &[L],
+    damaged: DamagedLogs,
+    on_log: &dyn Fn(&Path),
+) -> Result<Replays, FileError>
 where
     L: Clone + Into<LogSource>,
 {
@@ -112,7 +120,8 @@ where
         return Err(source.error(&[], "no training log", Some(help)));
     }
     let reader = ScenarioReader { file: &file, source, robot: &robot };
-    let batch = BatchReader { reader, index: IndexEntries::of(&file, source)?, noise: builder.noise(), damaged };
+    let batch =
+        BatchReader { reader, index: IndexEntries::of(&file, source)?, noise: builder.noise(), damaged, on_log };
     let LogBatch { set, recordings, scenarios, declared, left_out } = batch.read(&learn, &held_out)?;
     check_separate(&recordings, source)?;
     let mut logs = set.logs.clone();

@@ -1,6 +1,6 @@
 //! Findings that several joints have in common, for one cause: told once, with the lines that mend it.
 
-use btr_identify::quality::{Finding, Severity, Topic};
+use btr_identify::quality::{Finding, FindingCause, Severity, Topic};
 use indexmap::IndexSet;
 use serde::Serialize;
 
@@ -24,36 +24,28 @@ pub struct CommonFinding {
     pub fix: String,
 }
 
-/// What several joints can have in common.
-#[derive(Clone, Copy, PartialEq)]
-enum Cause {
-    Degrees,
-    Reversed,
-}
-
-/// The cause that a finding names, the kind of channel (`q`, `cmd`, `dq`) that is to be mended, and the joint.
-fn cause(finding: &Finding) -> Option<(Cause, &str, &str)> {
+/// The cause of a finding that several joints can have in common, the kind of channel (`q`, `cmd`, `dq`) that is to be
+/// mended, and the joint.
+fn cause(finding: &Finding) -> Option<(FindingCause, &str, &str)> {
     let named = || finding.channel.split_once('_').filter(|(kind, _)| ["q", "cmd", "dq"].contains(kind));
-    match (finding.topic, finding.severity) {
-        (Topic::Unit, Severity::Bad) if finding.sentence.ends_with("in degrees?") => {
-            named().map(|(kind, joint)| (Cause::Degrees, kind, joint))
-        }
-        (Topic::Sign, Severity::Bad) => {
+    match finding.cause? {
+        FindingCause::Degrees => named().map(|(kind, joint)| (FindingCause::Degrees, kind, joint)),
+        FindingCause::Reversed => {
             let (kind, joint) = named().filter(|(kind, _)| *kind == "dq").unwrap_or(("cmd", &finding.channel));
-            Some((Cause::Reversed, kind, joint))
+            Some((FindingCause::Reversed, kind, joint))
         }
-        _ => None,
+        FindingCause::Late => None,
     }
 }
 
 /// The causes that many joints have in common. `joints` is the number of all joints.
 pub fn in_common(findings: &[&Finding], joints: usize) -> Vec<CommonFinding> {
-    let of = |wanted: Cause| {
+    let of = |wanted: FindingCause| {
         let found = findings.iter().filter_map(|finding| cause(finding)).filter(|(cause, ..)| *cause == wanted);
         let channels: IndexSet<(&str, &str)> = found.map(|(_, kind, joint)| (kind, joint)).collect();
         told(wanted, &channels, joints)
     };
-    [Cause::Degrees, Cause::Reversed].into_iter().filter_map(of).collect()
+    [FindingCause::Degrees, FindingCause::Reversed].into_iter().filter_map(of).collect()
 }
 
 impl CommonFinding {
@@ -65,7 +57,7 @@ impl CommonFinding {
     }
 }
 
-fn told(cause: Cause, channels: &IndexSet<(&str, &str)>, of: usize) -> Option<CommonFinding> {
+fn told(cause: FindingCause, channels: &IndexSet<(&str, &str)>, of: usize) -> Option<CommonFinding> {
     let joints: IndexSet<&str> = channels.iter().map(|(_, joint)| *joint).collect();
     let kinds: IndexSet<&str> = channels.iter().map(|(kind, _)| *kind).collect();
     if joints.len() < MANY {
@@ -76,14 +68,14 @@ fn told(cause: Cause, channels: &IndexSet<(&str, &str)>, of: usize) -> Option<Co
     let who = if all { format!("all {of} joints") } else { format!("{} of {of} joints ({names})", joints.len()) };
     let prefixes = kinds.iter().map(|kind| format!("{kind}_")).collect::<Vec<_>>().join(", ");
     let (topic, factor, what) = match cause {
-        Cause::Degrees => (Topic::Unit, DEGREE, format!("{who} look like degrees ({prefixes}): add to the model file")),
-        Cause::Reversed => (
-            Topic::Sign,
-            "-1.0",
-            format!(
-                "{who} move opposite to their commands or velocities: if it is so on the robot, add to the model file"
-            ),
-        ),
+        FindingCause::Degrees => {
+            (Topic::Unit, DEGREE, format!("{who} look like degrees ({prefixes}): add to the model file"))
+        }
+        FindingCause::Reversed => {
+            let opposite = "move opposite to their commands or velocities";
+            (Topic::Sign, "-1.0", format!("{who} {opposite}: if it is so on the robot, add to the model file"))
+        }
+        FindingCause::Late => return None,
     };
     let line = |name: String| format!("\"{name}\" = {{ column = \"{name}\", factor = {factor} }}");
     let lines: Vec<String> = if all && channels.len() == kinds.len() * of {
@@ -104,7 +96,7 @@ mod tests {
     fn what_all_joints_have_is_told_once_with_its_lines() {
         let of = |channel: &str| {
             let sentence = format!("{channel} reaches 90 rad, but it ends at 1 and 2: is it in degrees?");
-            Finding::new(Topic::Unit, Severity::Bad, channel, sentence)
+            Finding::new(Topic::Unit, Severity::Bad, channel, sentence).because(FindingCause::Degrees)
         };
         let found = ["q_a", "cmd_a", "q_b", "cmd_b", "q_b"].map(of);
         let all: Vec<&Finding> = found.iter().collect();
@@ -120,5 +112,8 @@ mod tests {
         let some = &in_common(&all, 3)[0];
         assert!(some.sentence.starts_with("2 of 3 joints (a, b) look like degrees"), "{}", some.sentence);
         assert!(some.fix.contains("\"q_a\" = { column = \"q_a\","), "{}", some.fix);
+        // The cause counts, not how the sentence ends.
+        let other = found.map(|finding| Finding { cause: None, ..finding });
+        assert!(in_common(&other.iter().collect::<Vec<_>>(), 2).is_empty());
     }
 }

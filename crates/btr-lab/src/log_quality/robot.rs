@@ -2,7 +2,7 @@
 
 use crate::suggest::nearest;
 use btr_core::log::{Channel, Log, Role};
-use btr_identify::quality::{Finding, GlitchReport, Quality, Severity, Topic, check};
+use btr_identify::quality::{Finding, FindingCause, GlitchReport, Quality, Severity, Topic, check};
 use btr_physics::robot::{Actuator, Joint, JointKind, Robot};
 use btr_physics::sensor::SensorNoise;
 
@@ -59,8 +59,9 @@ fn beyond(log: &Log, kind: &str, joint: &Joint) -> Option<Finding> {
         return Some(Finding::new(Topic::Limits, severity, &name, sentence));
     }
     let unit = if joint.kind == JointKind::Prismatic { "mm" } else { "degrees" };
+    let cause = (joint.kind != JointKind::Prismatic).then_some(FindingCause::Degrees);
     let sentence = format!("{sentence}: is it in {unit}?");
-    Some(Finding::new(Topic::Unit, Severity::Bad, &name, sentence))
+    Some(Finding { cause, ..Finding::new(Topic::Unit, Severity::Bad, &name, sentence) })
 }
 
 /// Finding for a joint that has commands but no actuator.

@@ -5,6 +5,7 @@ use super::stated_low::stated_low;
 use crate::experiment::Source;
 use crate::identification::VerbInput;
 use crate::model_text::{AddError, Addition, FittedValue, adapted, add_scaled, in_finer_steps};
+use crate::output::written_by_btr;
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_identify::diagnose::{DiagnoseOptions, Diagnosis, MissingEffect, Verdict};
@@ -75,6 +76,7 @@ impl VerbInput {
         let sd = |name: &str| self.earlier_sd(name).filter(|_| *is_explained);
         let free = self.values(fit).map(|(name, value)| FittedValue { name, value, sd: sd(name) });
         let text = adapted(&source, problem.model(), free.chain(added.map(FittedValue::from)), into)?;
+        let text = written_by_btr(&text);
         let setup = &problem.model().setup;
         Ok(if *step == TimeStep::USUAL { text } else { in_finer_steps(&text, setup, step.divides_by())? })
     }
@@ -132,13 +134,14 @@ pub fn diagnose(
         next_experiment: input.next_experiment(&diagnosis.rivals),
         integrator_error: diagnosis.integrator_error,
         time_step_s: input.time_step_s(objective.step()),
-        doubts: input.doubts_with(&glitches),
+        doubts: input.doubts_with(&glitches, &diagnosis.left),
         glitches,
         not_judged: input.not_judged.clone(),
         left_out: input.left_out.clone(),
         frozen: input.frozen.clone(),
         with_prior: input.with_prior(),
         at_bound: diagnosis.at_bound.clone(),
+        at_limit: input.at_limits(input.values(&diagnosis.fit), is_at_bound),
         without_effect: input.idle_effects(input.values(&diagnosis.fit), is_at_bound),
         cut_short: diagnosis.cut_short,
         rollouts: diagnosis.rollouts,

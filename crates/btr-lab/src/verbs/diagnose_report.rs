@@ -231,6 +231,9 @@ pub struct DiagnoseReport {
     pub with_prior: Vec<String>,
     /// Free parameters that ended at a bound: the bounds may cause the remaining error.
     pub at_bound: Vec<String>,
+    /// Those of them whose bound is one of physics, such as a friction of 0: it cannot be wider.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub at_limit: Vec<String>,
     /// Effects of the model, as `effect@site`, whose fitted values are those at which they do nothing.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub without_effect: Vec<String>,

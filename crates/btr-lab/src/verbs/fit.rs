@@ -4,6 +4,7 @@ use super::base_parameters::BaseReport;
 use crate::experiment::LeftOutLog;
 use crate::identification::{Doubt, FittedGlitch, NoiseFloor, VerbInput};
 use crate::model_text::{FittedValue, adapted, in_finer_steps};
+use crate::output::written_by_btr;
 use btr_core::space::Dim;
 use btr_core::world::WorldError;
 use btr_identify::LadderStep;
@@ -11,6 +12,7 @@ use btr_identify::fit::{
     Degree, Estimate, FitPoint, FitStart, FitStop, NullDirection, Objective, Posterior, RemainingError, fitted_from,
 };
 use btr_identify::residual_model::{ResidualModel, TimeStep};
+use indexmap::{IndexMap, IndexSet};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -25,6 +27,8 @@ pub struct FitReport {
     pub cost: f64,
     /// Estimates of all free parameters.
     pub parameters: Vec<Estimate>,
+    /// Values of the free parameters in the model before the fit, by name; not of effects that were added.
+    pub in_model: IndexMap<String, f64>,
     /// Error on training logs, in multiples of the noise floor.
     pub train: f64,
     /// Error on held-out logs, in multiples of the noise floor.
@@ -104,10 +108,12 @@ pub fn fit(
     let report = FitReport {
         ok: true,
         cost: fitted.fit.cost,
+        in_model: input.in_model(),
         parameters: fitted.parameters,
         train: fitted.train,
         held_out: fitted.held_out,
         degree: fitted.degree,
+        doubts: input.doubts_with(&glitches, &fitted.left),
         remaining: fitted.left,
         without_effect,
         null_directions: fitted.null_directions,
@@ -117,7 +123,6 @@ pub fn fit(
         withheld: fitted.withheld,
         base_parameters: None,
         noise_floor: input.floors(),
-        doubts: input.doubts_with(&glitches),
         glitches,
         not_judged: input.not_judged.clone(),
         left_out: input.left_out.clone(),
@@ -129,6 +134,34 @@ pub fn fit(
         seconds: began.elapsed().as_secs_f64(),
     };
     Ok((report, fitted.fit, fitted.step))
+}
+
+/// Numbers of parameters from which changes by noise alone are told: a difference of files that nobody reads.
+const MANY: usize = 12;
+
+impl FitReport {
+    /// Whether a parameter has moved for certain: its value in the model lies outside its interval.
+    pub fn has_moved(&self, estimate: &Estimate) -> bool {
+        let outside = |(value, [low, high]): (&f64, [f64; 2])| !(low..=high).contains(value);
+        self.in_model.get(&estimate.name).zip(estimate.ci95).is_some_and(outside)
+    }
+
+    /// Where many parameters have changed by no more than their uncertainty: how many, and what names them.
+    pub fn moved_by_noise(&self) -> Option<(usize, Vec<String>)> {
+        let still = |e: &&Estimate| self.in_model.contains_key(&e.name) && e.ci95.is_some() && !self.has_moved(e);
+        let still: Vec<&str> = self.parameters.iter().filter(still).map(|e| e.name.as_str()).collect();
+        let of_kind = |name: &str| name.split_once('@').map(|(kind, _)| kind.to_owned());
+        let all = |kind: &str| {
+            let same = self.parameters.iter().filter(|e| of_kind(&e.name).as_deref() == Some(kind));
+            same.count() == still.iter().filter(|name| of_kind(name).as_deref() == Some(kind)).count()
+        };
+        let pattern = |name: &&str| match of_kind(name) {
+            Some(kind) if all(&kind) => format!("{kind}@*"),
+            _ => (*name).to_owned(),
+        };
+        let names: IndexSet<String> = still.iter().map(pattern).collect();
+        (still.len() >= MANY).then(|| (still.len(), names.into_iter().collect()))
+    }
 }
 
 impl VerbInput {
@@ -147,7 +180,7 @@ impl VerbInput {
     ) -> Result<String, TomlError> {
         let sd = |name: &str| report.parameters.iter().find(|estimate| estimate.name == name)?.prior_sd;
         let values = self.values(fit).map(|(name, value)| FittedValue { name, value, sd: sd(name) });
-        let text = adapted(&self.source, self.problem.model(), values, into)?;
+        let text = written_by_btr(&adapted(&self.source, self.problem.model(), values, into)?);
         let possible = report.base_parameters.as_ref().and_then(|base| base.possible.as_ref());
         let text = possible.map_or_else(|| Ok(text.clone()), |possible| possible.written_into(&text))?;
         let setup = &self.problem.model().setup;

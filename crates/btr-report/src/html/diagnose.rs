@@ -8,8 +8,8 @@ use crate::finding::{capped, evidence, helps, likelihood, rivals};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
 use crate::text::{
-    CORRECTED, ESTIMATES, alike, at_bounds, corrected, estimate, findings, fit_command, integrator, remedy, removable,
-    stand_in, what_remains,
+    CORRECTED, ESTIMATES, about_bounds, alike, corrected, estimate, findings, fit_command, integrator, remedy,
+    removable, stand_in, what_remains,
 };
 use btr_core::log::Log;
 use btr_identify::LadderStep;
@@ -22,11 +22,8 @@ use btr_physics::effects;
 pub fn diagnose(subject: &Subject, found: &DiagnoseReport, u: &[f64]) -> String {
     let so_far = if found.cut_short { "The search was cut short; so far: " } else { "" };
     let mut lead = vec![Block::Lead(format!("{so_far}{}", sentence(found))), subject.input_block()];
-    let at_bounds = at_bounds(found);
-    if !at_bounds.is_empty() {
-        let names = at_bounds.join(", ");
-        lead.push(Block::Text(format!("At their bounds: {names}. Widen the bounds before relying on this result.")));
-    }
+    let sentence_of = |text: String| Block::Text(format!("{}.", text.replacen("at their", "At their", 1)));
+    lead.extend(about_bounds(found).into_iter().map(sentence_of));
     lead.extend(removable(&found.without_effect).map(|sentence| Block::Text(sentence + ".")));
     lead.extend(subject.reserve());
     lead.extend(fit_command(found, subject).map(Block::Code));

@@ -1,6 +1,7 @@
 //! The posterior of a run, detected drift of the robot, the map of controllers and the reality gap.
 
-use super::format::{span, tests};
+use super::format::span;
+use crate::progress::tests;
 use crate::terminal;
 use btr_core::coevolve::{Change, Iteration, Promise};
 use btr_lab::run::report::RunReport;

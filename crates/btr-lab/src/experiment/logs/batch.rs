@@ -10,6 +10,7 @@ use btr_core::text::Text;
 use btr_physics::sensor::SensorNoise;
 use serde::Serialize;
 use std::ops::Range;
+use std::path::Path;
 
 /// What to do about a log whose content cannot be used, among others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +56,8 @@ pub(crate) struct BatchReader<'a> {
     pub index: IndexEntries<'a>,
     pub noise: SensorNoise,
     pub damaged: DamagedLogs,
+    /// Told the path of each log before it is read.
+    pub on_log: &'a dyn Fn(&Path),
 }
 
 impl BatchReader<'_> {
@@ -77,6 +80,7 @@ impl BatchReader<'_> {
         let leaves_out = self.damaged == DamagedLogs::LeaveOut && given.len() > 1;
         let mut refused = Vec::new();
         for source in given {
+            (self.on_log)(source.path());
             match self.add(source, purpose, batch, leaves_out) {
                 Err(log) if leaves_out && log.by_content => refused.push((source, log.error)),
                 other => other?,

@@ -1,6 +1,8 @@
 //! What errors are measured in: the noise floor of each channel, or how far runs of the same command differ.
 
 use super::VerbInput;
+use btr_identify::residual_model::MeasuredChannel;
+use indexmap::IndexMap;
 use serde::Serialize;
 
 /// The noise floor of each measured channel.
@@ -61,20 +63,37 @@ impl VerbInput {
         ErrorUnit::of(&self.floors())
     }
 
-    /// The noise floor of each channel, in the first log that has it.
+    /// The noise floor of each channel, as a root mean square over the samples of all logs.
     pub fn floors(&self) -> Vec<NoiseFloor> {
-        let mut floors: Vec<NoiseFloor> = Vec::new();
+        let mut channels: IndexMap<&str, Vec<&MeasuredChannel>> = IndexMap::new();
         for channel in self.problem.logs().iter().flat_map(|log| &log.channels) {
-            if floors.iter().all(|floor| floor.channel != channel.name) {
-                let (name, unit) = (channel.name.clone(), channel.unit.clone());
-                let assumed = self.problem.is_assumed(&name);
-                let repeatability = channel.is_of_runs().then_some(channel.sigma);
-                let runs = self.problem.model().setup.noise.unpredictable.channels.get(&name);
-                let run_offset = runs.and_then(|runs| runs.offset).filter(|_| channel.offset_differs);
-                let sigma = channel.sensor;
-                floors.push(NoiseFloor { channel: name, unit, sigma, repeatability, run_offset, assumed });
-            }
+            channels.entry(&channel.name).or_default().push(channel);
         }
-        floors
+        channels.values().map(|of| self.floor(of)).collect()
     }
+
+    /// That of a channel in the logs that have it.
+    fn floor(&self, of: &[&MeasuredChannel]) -> NoiseFloor {
+        let MeasuredChannel { name, unit, offset_differs, .. } = of[0];
+        let runs = self.problem.model().setup.noise.unpredictable.channels.get(name);
+        NoiseFloor {
+            channel: name.clone(),
+            unit: unit.clone(),
+            sigma: over_logs(of, |channel| channel.sensor),
+            repeatability: of[0].is_of_runs().then(|| over_logs(of, |channel| channel.sigma)),
+            run_offset: runs.and_then(|runs| runs.offset).filter(|_| *offset_differs),
+            assumed: self.problem.is_assumed(name),
+        }
+    }
+}
+
+/// A deviation of a channel over logs, weighted by their samples.
+fn over_logs(of: &[&MeasuredChannel], deviation: impl Fn(&MeasuredChannel) -> f64) -> f64 {
+    let first = deviation(of[0]);
+    if of.iter().all(|channel| deviation(channel).to_bits() == first.to_bits()) {
+        return first;
+    }
+    let samples = |channel: &MeasuredChannel| channel.samples.len() as f64;
+    let squares = of.iter().map(|channel| samples(channel) * deviation(channel).powi(2)).sum::<f64>();
+    (squares / of.iter().map(|channel| samples(channel)).sum::<f64>()).sqrt()
 }

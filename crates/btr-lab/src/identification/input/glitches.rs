@@ -1,6 +1,7 @@
 //! What is told of glitches that only show beside a fitted model.
 
 use super::{Doubt, VerbInput};
+use btr_identify::fit::{NOISE, RemainingError};
 use btr_identify::quality::{GlitchReport, glitch_findings};
 use serde::Serialize;
 
@@ -29,8 +30,9 @@ impl VerbInput {
         all
     }
 
-    /// The doubts about the logs, and those that these glitches add.
-    pub(crate) fn doubts_with(&self, glitches: &[FittedGlitch]) -> Vec<Doubt> {
+    /// The doubts about the logs, and those that these glitches add; without those that a model dispels which leaves
+    /// this in each channel.
+    pub(crate) fn doubts_with(&self, glitches: &[FittedGlitch], left: &[RemainingError]) -> Vec<Doubt> {
         let of_log = |of: &[FittedGlitch]| {
             let log = of[0].log.clone();
             let samples = self.places.iter().find(|place| place.file == log).map_or(0, |place| place.samples);
@@ -39,6 +41,11 @@ impl VerbInput {
             findings.map(move |finding| Doubt { log: log.clone(), finding }).collect::<Vec<_>>()
         };
         let further = glitches.chunk_by(|a, b| a.log == b.log).flat_map(of_log);
-        self.doubts.iter().cloned().chain(further).collect()
+        let explained = |joint: &str| {
+            let channel = format!("q_{joint}");
+            left.iter()
+                .any(|left| left.channel == channel && left.x_repeatability.unwrap_or(left.x_noise_floor) <= NOISE)
+        };
+        self.doubts.iter().filter(|doubt| !doubt.is_dispelled(explained)).cloned().chain(further).collect()
     }
 }

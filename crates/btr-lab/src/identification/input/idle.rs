@@ -7,6 +7,22 @@ use btr_physics::effects::PlacedEffect;
 const NEAR: f64 = 1e-3;
 
 impl VerbInput {
+    /// The parameters at a bound that physics sets, at these values: 0, for what a robot cannot have less than none of.
+    pub(crate) fn at_limits<'a>(
+        &self,
+        values: impl Iterator<Item = (&'a str, f64)>,
+        is_at_bound: impl Fn(&str) -> bool,
+    ) -> Vec<String> {
+        let model = self.problem.model();
+        let is_limit = |(name, value): &(&str, f64)| {
+            let Some(k) = model.simulations.index_of(name).filter(|_| is_at_bound(name)) else { return false };
+            let dim = &model.simulations.dims()[k];
+            let bound = if value - dim.min <= dim.max - value { dim.min } else { dim.max };
+            bound == 0.0
+        };
+        values.filter(is_limit).map(|(name, _)| name.to_owned()).collect()
+    }
+
     /// The free effects that do nothing at these values of free parameters, as `effect@site`: what of them is at a
     /// bound is off there.
     pub(crate) fn idle_effects<'a>(

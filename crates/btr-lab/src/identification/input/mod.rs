@@ -16,7 +16,8 @@ use crate::experiment::{CheckedLog, LeftOutLog, LogPlace, LogSource, Recordings,
 use crate::model_text::{Addition, add_scaled};
 use btr_core::log::Log;
 use btr_identify::fit::StartValues;
-use btr_identify::quality::{FEWEST_SAMPLES, Finding};
+use btr_identify::quality::{FEWEST_SAMPLES, Finding, FindingCause};
+use indexmap::IndexMap;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -55,6 +56,18 @@ pub struct Doubt {
     /// The finding.
     #[serde(flatten)]
     pub finding: Finding,
+}
+
+impl Doubt {
+    /// Whether it is about how a joint follows its command, which only a simulation can judge: a model may explain it.
+    pub fn awaits_a_model(&self) -> bool {
+        self.finding.cause == Some(FindingCause::Late)
+    }
+
+    /// Whether a model dispels it that explains the positions of these joints: it moves as late as the robot.
+    pub fn is_dispelled(&self, explains: impl Fn(&str) -> bool) -> bool {
+        self.awaits_a_model() && explains(&self.finding.channel)
+    }
 }
 
 /// The findings about logs that make results doubtful.
@@ -137,6 +150,13 @@ impl VerbInput {
     pub fn logs_used(&self) -> [Vec<PathBuf>; 2] {
         let Recordings { learn, held_out } = &self.recordings;
         [learn, held_out].map(|logs| logs.iter().map(|log| log.path.clone()).collect())
+    }
+
+    /// The free parameters' values in the model, but those of effects that were added.
+    pub(crate) fn in_model(&self) -> IndexMap<String, f64> {
+        let model = &self.problem.model().simulations;
+        let values = model.dims().iter().zip(model.nominal()).map(|(dim, value)| (dim.name.clone(), value));
+        values.filter(|(name, _)| !self.added.contains(name)).collect()
     }
 
     /// The file of a log of the problem.

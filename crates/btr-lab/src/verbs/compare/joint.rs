@@ -126,11 +126,24 @@ fn looks<'a>(cause: Option<Cause>, whole: Option<&RegimeCell>, cells: impl Itera
         Some(Cause { follows: Some(clue), .. }) => format!("the residual follows {}", clue.words()),
         _ => "the residual follows no single quantity".to_owned(),
     };
-    let largest = whole.and_then(|whole| {
-        let told = cells.filter(|cell| cell.regime != Regime::Throughout && cell.chi > LARGER * whole.chi);
-        told.max_by(|a, b| telling(a, whole).total_cmp(&telling(b, whole)))
-    });
-    largest.map_or_else(|| looks.clone(), |cell| format!("{looks}, largest {}", cell.regime.words()))
+    let Some(cell) = largest(whole, cells) else { return looks };
+    let own = cell.clue.filter(|own| cause.is_some_and(|cause| cause.follows.is_some_and(|all| all != own.clue)));
+    let own = match own.map(|own| own.clue) {
+        Some(Clue::Constant) => ", where it is an offset".to_owned(),
+        Some(clue) => format!(", where it follows {}", clue.words()),
+        None => String::new(),
+    };
+    format!("{looks}, largest {}{own}", cell.regime.words())
+}
+
+/// The regime in which a joint's error is largest, where that says more than the whole.
+pub(super) fn largest<'a>(
+    whole: Option<&RegimeCell>,
+    cells: impl Iterator<Item = &'a RegimeCell>,
+) -> Option<&'a RegimeCell> {
+    let whole = whole?;
+    let told = cells.filter(|cell| cell.regime != Regime::Throughout && cell.chi > LARGER * whole.chi);
+    told.max_by(|a, b| telling(a, whole).total_cmp(&telling(b, whole)))
 }
 
 /// By how much a regime's share of its joint's squared error exceeds its share of the time.

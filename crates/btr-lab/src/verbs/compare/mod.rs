@@ -21,6 +21,7 @@ use btr_physics::robot::Base;
 use indexmap::IndexMap;
 use rayon::prelude::*;
 use serde_json::{Value, json};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The result of `compare`, with its model and logs.
 pub struct CompareReport {
@@ -41,10 +42,15 @@ pub struct CompareReport {
 }
 
 /// Simulates every log, once more with half the time step, and compares; refines the steps if they are too coarse.
+/// `on_log` is called with the name of each log that is simulated, and with how many were before it.
 ///
 /// # Errors
 /// A simulation that diverged; logs without any simulated channel.
-pub fn compare(source: &Source, mut replays: Replays) -> Result<CompareReport, ProblemError> {
+pub fn compare(
+    source: &Source,
+    mut replays: Replays,
+    on_log: &(dyn Fn(usize, &str) + Sync),
+) -> Result<CompareReport, ProblemError> {
     // Uncertainty of a log's initial state is not an error of the model.
     if let Some(seen) = seen_starts(&replays.model, &replays.logs) {
         replays.model.scenarios = seen;
@@ -52,8 +58,12 @@ pub fn compare(source: &Source, mut replays: Replays) -> Result<CompareReport, P
     let model = &replays.model;
     let (s, c) = (model.simulations().nominal(), model.controllers().nominal());
     let simulate = |step: TimeStep| -> Result<Vec<Log>, WorldError> {
-        let logs = (0..replays.logs.len()).into_par_iter();
-        logs.map(|k| model.simulate(model.request(&s, k).controller(&c).time_step(step))).collect()
+        let (logs, begun) = ((0..replays.logs.len()).into_par_iter(), AtomicUsize::new(0));
+        let simulate = |k: usize| {
+            on_log(begun.fetch_add(1, Ordering::Relaxed), &model.scenarios[k].name);
+            model.simulate(model.request(&s, k).controller(&c).time_step(step))
+        };
+        logs.map(simulate).collect()
     };
     let beyond = extrapolation(model.order());
     let (mut step, mut simulated) = (TimeStep::USUAL, simulate(TimeStep::USUAL)?);

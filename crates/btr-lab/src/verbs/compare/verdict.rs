@@ -3,6 +3,7 @@
 use super::joint::{CauseKind, Compared, JointVerdict, OFF, of_joint};
 use super::words::{late_by, size, times};
 use btr_identify::compare::ChannelError;
+use btr_identify::fit::NOISE;
 use serde::Serialize;
 
 /// Joints from which one sentence tells of all that are late alike.
@@ -45,10 +46,18 @@ fn nothing_off(compared: &Compared, joints: &[JointVerdict]) -> String {
     let comparison = compared.comparison;
     let worst = joints.first().map_or_else(|| comparison.worst().map_or(0.0, |c| c.chi), |joint| joint.x_noise_floor);
     let all = if joints.is_empty() { "every channel" } else { "every joint" };
-    let within = format!("{all} is within {} x the noise floor", times(worst));
+    let within = format!("{all} is within {worst:.2} x the noise floor");
     if let Some(other) = comparison.worst().filter(|channel| channel.chi > OFF) {
         let ChannelError { name, rmse, unit, chi, .. } = other;
         return format!("{within}, but {name} is off by {} x ({} rms)", times(*chi), size(*rmse, unit));
+    }
+    let beside_runs = |joint: &JointVerdict| Some(joint.rmse / (compared.repeatability)(&joint.channel)?);
+    let off = joints.iter().filter(|joint| joint.x_noise_floor > NOISE);
+    let of_runs = off.map(|joint| beside_runs(joint).filter(|x| *x <= NOISE)).collect::<Option<Vec<f64>>>();
+    if of_runs.is_some_and(|of_runs| !of_runs.is_empty()) {
+        return format!(
+            "{within}, and off by no more than runs of the same command differ by: nothing is left to explain"
+        );
     }
     match comparison.failures().first() {
         None => format!("{within}: nothing is left to explain in these logs"),

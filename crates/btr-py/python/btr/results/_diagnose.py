@@ -72,6 +72,8 @@ class DiagnoseResult(Reported):
     """Free parameters whose prior is what earlier logs left (`sd` in the model), by name."""
     at_bound: list[str]
     """Free parameters that ended at a bound; the bounds may cause the remaining error."""
+    at_limit: list[str]
+    """Those of them whose bound is one of physics, such as a friction of 0: it cannot be wider."""
     without_effect: list[str]
     """Effects of the model, as `effect@site`, whose fitted values are those at which they do nothing."""
     cut_short: bool

@@ -33,6 +33,8 @@ class FitResult(Reported):
     """Sum of squares in multiples of the noise, with the priors' share."""
     parameters: list[doc.Estimate]
     """Every free parameter."""
+    in_model: dict[str, float]
+    """Values of the free parameters in the model before the fit, by name; not of effects that were added."""
     train: float
     """Error on the training logs, in multiples of the noise floor."""
     held_out: float | None
