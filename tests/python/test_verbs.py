@@ -58,7 +58,7 @@ def test_what_a_diagnosis_found_is_in_its_model(arm: btr.Model, answer: tuple) -
     worst = [max(channel["chi"] for channel in compared.channels) for compared in (before, after)]
     assert worst[0] > 10 and worst[1] < 1.2, worst
     early = btr.diagnose(arm, LEARN, held_out=HELD_OUT, max_time_s=1e-6)
-    assert early.cut_short and early.names == [] and "best so far" in repr(early)
+    assert early.cut_short and early.names == [] and "cut short; so far: " in repr(early)
 
 
 def test_a_fit_begins_at_what_a_diagnosis_found(arm: btr.Model, answer: tuple, tmp_path: Path) -> None:

@@ -84,11 +84,11 @@ pub(crate) enum Verb {
         Logs may have any column names: joints, quantities and units are matched by names and ranges, and what is guessed \
         is told. MuJoCo models need Python with btr[mujoco], xacro files the program or the Python package xacro.")]
     New(NewArgs),
-    /// Judge logs: clock, sensors, lags, which free parameters they identify
+    /// Judge logs: clock, sensors, lags, which parameters they identify
     #[command(after_help = "Example:\n  btr check leg.toml monday.mcap tuesday.csv\n\n\
         Exit code 1 if a log has a bad finding, or cannot be used at all: results based on it cannot be trusted.")]
     Check(CheckArgs),
-    /// Show where a model fails: which joint, by how much, in which motion
+    /// Show where a model fails: which joint, how much, in which motion
     #[command(after_help = "Examples:\n  btr compare leg.toml monday.mcap\n  \
         btr compare leg.toml logs/*.csv --report where.html --max-chi 1.5")]
     Compare(CompareArgs),
@@ -132,7 +132,7 @@ pub(crate) enum Verb {
         /// Name of an effect
         name: Option<String>,
     },
-    /// Describe a log; without one, list drives, distances, searches, terms
+    /// Describe a log; without one, list drives, distances, searches
     #[command(after_help = "Examples:\n  btr info walk.mcap\n  btr info lerobot_folder#0 --model arm.toml")]
     Info {
         /// A log: MCAP, CSV, or an episode of a LeRobot data set (FOLDER#0)

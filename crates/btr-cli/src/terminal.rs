@@ -91,6 +91,16 @@ pub(crate) fn table(table: &Table) {
     show(Tone::Plain, &table.render_within(columns()));
 }
 
+/// Prints a table without numbers; on a narrower terminal, its last column has lines of its own.
+pub(crate) fn table_left(table: &Table) {
+    let text = table.render_left();
+    let widest = text.lines().map(|line| line.chars().count()).max().unwrap_or(0);
+    match columns() {
+        Some(columns) if widest > columns => show(Tone::Plain, &table.listed(columns)),
+        _ => show(Tone::Plain, &text),
+    }
+}
+
 /// Prints a table whose last column has long names; on a narrower terminal, these have lines of their own.
 pub(crate) fn names_last(table: &Table) {
     let text = table.render_names_last();

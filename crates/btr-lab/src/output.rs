@@ -88,11 +88,13 @@ impl OutputFile<'_> {
         match self.kind {
             OutputKind::Model => self.ends_in(&["toml"], "a model"),
             OutputKind::FittedModel => {
-                let is_by_hand = std::fs::read_to_string(self.path).is_ok_and(|text| !is_by_btr(&text));
-                if is_by_hand {
-                    return Err(refused(format!("{name} exists and was not written by btr: it would be lost")));
+                self.ends_in(&["toml"], "a model")?;
+                match std::fs::read_to_string(self.path) {
+                    Ok(text) if !is_by_btr(&text) => {
+                        Err(refused(format!("{name} exists and was not written by btr: it would be lost")))
+                    }
+                    _ => Ok(()),
                 }
-                self.ends_in(&["toml"], "a model")
             }
             OutputKind::Foreign(endings) => self.ends_in(endings, "the output"),
             OutputKind::Report => self.ends_in(&["html"], "a report"),

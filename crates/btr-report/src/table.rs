@@ -63,6 +63,16 @@ impl Table {
         Table { header: of(&self.header), rows: self.rows.iter().map(of).collect() }
     }
 
+    /// The rows in lines of at most this many characters: all cells but the last, and that indented below.
+    pub fn listed(&self, columns: usize) -> String {
+        let entry = |row: &Vec<String>| {
+            let (last, others) = row.split_last()?;
+            let below = folded(last, columns.saturating_sub(4)).replace('\n', "\n    ");
+            Some(format!("{}\n    {below}", others.join("  ")))
+        };
+        self.rows.iter().filter_map(entry).collect::<Vec<_>>().join("\n")
+    }
+
     /// The table with its last column as the first.
     #[must_use]
     pub fn last_first(&self) -> Table {
@@ -162,6 +172,9 @@ mod tests {
         let mut table = Table::new(&["name", "x", "y"]);
         table.row(vec!["one and two for three".into(), "1".into(), "2".into()]);
         assert_eq!(table.render_within(Some(12)), "  x  y\n  -  -\none and two\n    for\n    three\n  1  2");
+        let mut table = Table::new(&["name", "on", "what"]);
+        table.row(vec!["a".into(), "b".into(), "one two three".into()]);
+        assert_eq!(table.listed(12), "a  b\n    one two\n        three");
         let mut table = Table::new(&["name", "x", "y"]);
         table.row(vec!["a_long_name".into(), "1".into(), "2".into()]);
         assert_eq!(table.columns(&[2, 0]).render_left(), "y  name\n-  -----------\n2  a_long_name");

@@ -3,6 +3,7 @@
 use crate::args::Global;
 use crate::exit::DONE;
 use crate::terminal;
+use crate::terminal::{Tone, say};
 use btr_lab::failure::Failure;
 use btr_lab::verbs::{effects, named, site};
 use btr_physics::effects::{EffectSpec, Param, SiteKind};
@@ -26,7 +27,9 @@ fn list(specs: &[&EffectSpec]) {
         table.row(vec![spec.name.to_owned(), site(spec), params(spec)]);
     }
     let help = "~ only shapes the effect; `btr effects NAME` tells the law of one, how it shows and where it is from.";
-    println!("{}\n\n{help}", table.render_left());
+    terminal::table_left(&table);
+    println!();
+    say(Tone::Plain, help);
 }
 
 /// Parameter names and units; neighbours with the same unit share it.
@@ -43,10 +46,14 @@ fn params(spec: &EffectSpec) -> String {
 }
 
 fn tell(spec: &EffectSpec) {
-    println!("{}\n\n  law     {}\n  sits    {}", spec.name, spec.law, on(spec));
-    println!("  shows   {}\n  source  {}", spec.symptom, spec.cite);
+    println!("{}\n", spec.name);
+    let line = |what: &str, text: &str| say(Tone::Plain, &format!("  {what:<7} {text}"));
+    line("law", spec.law);
+    line("sits", on(spec));
+    line("shows", spec.symptom);
+    line("source", spec.cite);
     if !spec.similar.is_empty() {
-        println!("  alike   {}: hard to distinguish from these", spec.similar.join(", "));
+        line("alike", &format!("{}: hard to distinguish from these", spec.similar.join(", ")));
     }
     if spec.params.is_empty() {
         return;

@@ -108,3 +108,40 @@ fn an_effect_that_ends_at_nothing_is_said_to_be_removable() {
     );
     assert!(!lab.ok("fit arm.toml log.csv -q").contains("nothing in these logs"));
 }
+
+#[test]
+fn a_model_that_people_wrote_is_not_replaced() {
+    let lab = lab(GAINS);
+    let by_hand = format!("# My arm.\n{}", lab.read("arm.toml"));
+    lab.write("mine.toml", &by_hand);
+    for verb in ["fit", "diagnose"] {
+        let told = lab.complaint(&format!("{verb} arm.toml log.csv -q -o mine.toml"));
+        assert!(told.contains("mine.toml exists and was not written by btr"), "{told}");
+        assert!(told.contains("help: give the output another name"), "{told}");
+        assert_eq!(lab.read("mine.toml"), by_hand);
+        // Its own output is replaced.
+        let output = format!("{verb} arm.toml log.csv -q -o {verb}.toml");
+        lab.ok(&output);
+        assert_eq!(lab.read(&format!("{verb}.toml")).matches("# Written by btr").count(), 1);
+        lab.ok(&output);
+    }
+}
+
+#[test]
+fn a_fit_says_what_the_model_stated_and_what_has_moved() {
+    let lab = lab(GAINS);
+    let said = lab.ok("fit arm.toml log.csv -q");
+    assert!(said.starts_with("step "), "{said}");
+    let row = |name: &str| {
+        let row = said.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{said}"));
+        row.split_whitespace().map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!((row("kp@hip")[1].as_str(), row("kp@hip").last().unwrap().as_str()), ("20.00", "yes"), "{said}");
+    assert!(said.contains("moved: the value in the model lies outside the 95 % interval"), "{said}");
+    // What is in the model already has not moved, and two numbers are not many.
+    lab.ok("fit arm.toml log.csv -q -o fitted.toml");
+    let again = lab.ok("fit fitted.toml log.csv -q");
+    assert!(!again.contains("yes") && !again.contains("by noise alone"), "{again}");
+    let stated = &lab.json("fit arm.toml log.csv -q")["in_model"];
+    assert_eq!(stated, &serde_json::json!({ "kp@hip": 20.0, "kp@knee": 10.0 }));
+}
