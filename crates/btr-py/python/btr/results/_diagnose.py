@@ -170,10 +170,11 @@ class DiagnoseResult(Reported):
 def _estimates(effect: doc.EffectReport) -> list[str]:
     """What speaks for an effect, and its estimates, one line each."""
     name, error = ", ".join(names_of([effect])), "of the squared error above the noise"
-    held_out = f"{100 * effect.share:.0f} %"
-    learnt = effect.learnt_share
-    shares = f"{100 * learnt:.0f} % {error} on the training logs, {held_out} on held-out logs"
-    of = f"probability {_probability(effect)}, explains {f'{held_out} {error}' if learnt is None else shares}"
+    shares = f"{100 * effect.share:.0f} % {error}"
+    if effect.learnt_share is not None:
+        learnt = f"{100 * effect.learnt_share:.0f} % {error} on the training logs"
+        shares = f"{learnt}, {100 * effect.share:.0f} % on held-out logs"
+    of = f"probability {_probability(effect)}, explains {shares}"
     rest = [f"{rival.name or 'the model without it'} {cell(rival.probability)}" for rival in effect.rivals]
     return (
         [f"\n{name}: {of}"]
