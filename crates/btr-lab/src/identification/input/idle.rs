@@ -18,7 +18,7 @@ impl VerbInput {
             let Some(k) = model.simulations.index_of(name).filter(|_| is_at_bound(name)) else { return false };
             let dim = &model.simulations.dims()[k];
             let bound = if value - dim.min <= dim.max - value { dim.min } else { dim.max };
-            bound == 0.0
+            bound.abs() <= 0.0
         };
         values.filter(is_limit).map(|(name, _)| name.to_owned()).collect()
     }
