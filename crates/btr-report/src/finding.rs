@@ -148,7 +148,7 @@ mod tests {
         };
         assert_eq!(likelihood(&unstable), "at most 0.90");
         let why = "at most 0.90: its size changes by more than half without learn_1.csv";
-        assert_eq!(capped(&unstable).unwrap(), why);
+        assert_eq!(capped(&unstable).as_deref(), Some(why));
         assert!(
             evidence(&unstable).ends_with("; without learn_1.csv, its size changes by 70 %"),
             "{}",
@@ -167,8 +167,8 @@ mod tests {
         assert_eq!(rivals_of(Vec::new()), None);
         let two = vec![rival(Some("backlash@elbow"), 0.31), rival(None, 0.02)];
         let told = "the rest of the probability: backlash@elbow 0.31, the model without it 0.02";
-        assert_eq!(rivals_of(two).unwrap(), told);
+        assert_eq!(rivals_of(two).as_deref(), Some(told));
         let many = (0..7).map(|_| rival(Some("a@b"), 0.1)).collect();
-        assert!(rivals_of(many).unwrap().ends_with("a@b 0.10, 2 more"));
+        assert!(rivals_of(many).is_some_and(|told| told.ends_with("a@b 0.10, 2 more")));
     }
 }
