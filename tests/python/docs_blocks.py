@@ -35,7 +35,7 @@ DOCS = ROOT / "docs"
 REASONS = {
     "build": 4,  # builds or installs btr
     "robot": 1,  # moves a robot
-    "yours": 1,  # needs files of the reader
+    "yours": 2,  # needs files of the reader
     "cluster": 1,  # needs several machines
     "page": 1,  # serves a page until Ctrl-C
     "long": 6,  # takes minutes, or is a study

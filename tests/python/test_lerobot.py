@@ -148,6 +148,32 @@ def test_the_command_line_reads_episodes(tmp_path: Path) -> None:
     assert f"name an episode behind the folder: `{folder}#0` to `{folder}#2`" in refused.stderr
 
 
+def test_a_model_is_made_of_a_set_without_an_episode(tmp_path: Path) -> None:
+    folder = write_v3(tmp_path / "set", episodes(LENGTHS), ["elbow", "b", "c"])
+    (tmp_path / "arm.urdf").write_text(URDF)
+
+    def run(*arguments: object) -> str:
+        command = [sys.executable, "-m", "btr", *map(str, arguments)]
+        ran = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert ran.returncode == 0, ran.stderr
+        return ran.stdout
+
+    told = run("new", tmp_path / "arm.urdf", folder, "-o", tmp_path / "arm.toml")
+    assert f"{folder} has 3 episodes: columns and units are those of the first" in told
+    assert f"a log of it is called {folder}#0" in told
+    assert "max_torque = 100.0 of elbow is the URDF's effort, often a placeholder" in told
+    # By its mapping, a model's log is not what its columns seem to say.
+    text = (tmp_path / "arm.toml").read_text()
+    scaled = f'[channels.channels]\n"q_elbow" = {{ column = "q_elbow", factor = {DEGREES} }}\n'
+    (tmp_path / "scaled.toml").write_text(text + scaled)
+    of = {}
+    for model in ("arm.toml", "scaled.toml"):
+        found = json.loads(run("info", f"{folder}#0", "--model", tmp_path / model, "--json"))
+        of[model] = next(channel["max"] for channel in found["channels"] if channel["name"] == "q_elbow")
+    assert of["scaled.toml"] == pytest.approx(DEGREES * of["arm.toml"])
+    assert "--model MODEL reads them by its [channels]" in run("info", f"{folder}#0")
+
+
 MODEL = """
 name = "arm"
 [robot]

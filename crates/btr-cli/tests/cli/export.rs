@@ -181,6 +181,26 @@ fn a_longer_time_step_than_the_model_s_and_an_integrator_of_first_order_are_told
         assert_eq!(advice(silent), Vec::<String>::new(), "{silent}");
     }
     assert!(!lab.read("out.xml").contains("timestep"));
+    // A stiffer servo settles within fewer of the model's steps.
+    lab.write("fitted.toml", &lab.read("fitted.toml").replace("kd = 0.25", "kd = 25.0"));
+    let told = &advice("<option timestep=\"0.001\" integrator=\"RK4\"/>")[0];
+    assert!(told.starts_with("timestep: 0.001 s in the file, and elbow settles within "), "{told}");
+    assert!(!told.contains("timestep=\"0.001\""), "{told}");
+}
+
+#[test]
+fn what_replays_a_log_with_the_effects_that_are_left_is_printed() {
+    let lab = lab();
+    lab.write("arm.xml", MJCF);
+    let told = lab.ok("export fitted.toml arm.xml --to mujoco -o out.xml");
+    for line in [
+        "btr.mujoco.EffectStepper applies them",
+        "  model = mujoco.MjModel.from_xml_path(\"out.xml\")",
+        "  stepper = btr.mujoco.EffectStepper(model, \"out.effects.json\")",
+    ] {
+        assert!(told.contains(line), "{told}");
+    }
+    assert!(!lab.ok("export fitted.toml --to urdf -o out.urdf").contains("EffectStepper"));
 }
 
 #[test]

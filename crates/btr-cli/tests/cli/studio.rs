@@ -24,7 +24,7 @@ fn the_help_names_every_option() {
 
 #[test]
 fn without_python_it_says_what_to_install() {
-    let output = studio(&Lab::new(), "arm.toml log.csv", "gone-python");
+    let output = studio(&Lab::new(), "small.toml log.csv", "gone-python");
     let told = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2));
     assert!(told.contains("the studio is served by Python, with btr and viser in it: gone-python"), "{told}");
@@ -32,11 +32,20 @@ fn without_python_it_says_what_to_install() {
 }
 
 #[test]
+fn a_robot_s_file_is_told_before_what_python_lacks() {
+    let lab = Lab::new();
+    lab.write("arm.urdf", "<robot name=\"arm\"><link name=\"base\"/></robot>");
+    let told = text(&studio(&lab, "arm.urdf log.csv", "gone-python").stderr);
+    assert!(told.starts_with("error: arm.urdf: a robot's URDF, not a model file"), "{told}");
+    assert!(!told.contains("gone-python"), "{told}");
+}
+
+#[test]
 #[cfg(unix)]
 fn without_a_package_it_says_what_to_install() {
     let lab = Lab::new();
     let python = script(&lab, "echo Traceback >&2; echo \"ModuleNotFoundError: No module named 'viser'\" >&2; exit 1");
-    let output = studio(&lab, "arm.toml log.csv", &python);
+    let output = studio(&lab, "small.toml log.csv", &python);
     let told = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2));
     assert!(told.contains("python: ModuleNotFoundError: No module named 'viser'"), "{told}");
@@ -48,12 +57,12 @@ fn without_a_package_it_says_what_to_install() {
 fn arguments_and_the_exit_code_are_passed_on() {
     let lab = Lab::new();
     let python = script(&lab, "[ $1 = -c ] && exit 0; echo $RAYON_NUM_THREADS: \"$@\"; exit 7");
-    let output = studio(&lab, "arm.toml a.csv b.csv --port 0 --threads 3", &python);
+    let output = studio(&lab, "small.toml a.csv b.csv --port 0 --threads 3", &python);
     assert_eq!(output.status.code(), Some(7));
-    assert_eq!(text(&output.stdout), "3: -m btr._studio arm.toml a.csv b.csv --port 0\n");
-    let all = "arm.toml a.csv --host ::1 --folder made --no-browser --held-out b.csv c.csv";
+    assert_eq!(text(&output.stdout), "3: -m btr._studio small.toml a.csv b.csv --port 0\n");
+    let all = "small.toml a.csv --host ::1 --folder made --no-browser --held-out b.csv c.csv";
     let output = studio(&lab, all, &python);
-    let passed = "arm.toml a.csv --held-out b.csv c.csv --folder made --host ::1 --no-browser";
+    let passed = "small.toml a.csv --held-out b.csv c.csv --folder made --host ::1 --no-browser";
     assert_eq!(text(&output.stdout), format!(": -m btr._studio {passed}\n"));
 }
 
@@ -63,7 +72,7 @@ fn what_the_page_would_ignore_is_refused() {
     let lab = Lab::new();
     let python = script(&lab, "exit 0");
     for (option, name) in [("--set simulation.duration_s=1", "--set"), ("--seed 7", "--seed")] {
-        let output = studio(&lab, &format!("arm.toml log.csv {option}"), &python);
+        let output = studio(&lab, &format!("small.toml log.csv {option}"), &python);
         let told = text(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{told}");
         assert!(told.starts_with(&format!("error: `btr studio` does nothing with {name}\n")), "{told}");
@@ -76,7 +85,7 @@ fn what_the_page_would_ignore_is_refused() {
 fn a_signal_reaches_python() {
     let lab = Lab::new();
     let python = script(&lab, "[ $1 = -c ] && exit 0; trap 'exit 5' TERM; echo > begun; while :; do sleep 0.05; done");
-    let mut child = lab.command("studio arm.toml log.csv").env("BTR_PYTHON", python).spawn().unwrap();
+    let mut child = lab.command("studio small.toml log.csv").env("BTR_PYTHON", python).spawn().unwrap();
     while !lab.exists("begun") {
         assert!(child.try_wait().unwrap().is_none(), "it ended before it began");
         std::thread::sleep(std::time::Duration::from_millis(10));

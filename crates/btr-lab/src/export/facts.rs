@@ -30,6 +30,8 @@ pub(super) struct JointFacts {
     pub(super) rest: f64,
     /// Proportional and derivative gain of a position servo.
     pub(super) gains: Option<(f64, f64)>,
+    /// Whether a motor drives the joint whose torque the model could limit.
+    pub(super) has_motor: bool,
     /// Whether the model says what drives the joint, if it is no position servo.
     pub(super) is_driven_otherwise: bool,
     /// Dead time of the command, in s.
@@ -75,6 +77,7 @@ impl JointFacts {
             stiffness: 0.0,
             rest: 0.0,
             gains,
+            has_motor: matches!(joint.actuator, Actuator::Position { .. } | Actuator::Torque { .. }),
             is_driven_otherwise: matches!(joint.actuator, Actuator::Torque { .. } | Actuator::Passive),
             delay_s: 0.0,
             left: Vec::new(),
@@ -88,6 +91,19 @@ impl JointFacts {
         let has = |name: &str| self.left.iter().any(|placed| placed.effect.spec().name == name);
         let further = ["stribeck_friction", "load_dependent_friction", "asymmetric_friction"];
         (self.coulomb != 0.0 || further.into_iter().any(has)) && !has("friction_creep")
+    }
+
+    /// How dry friction gives way, for a format that can express it: its creep, in rad/(s·N·m), and its time constant.
+    pub(super) fn take_creep(&mut self) -> Option<(f64, f64)> {
+        let at = self.left.iter().position(|placed| placed.effect.spec().name == "friction_creep")?;
+        let [creep, time_s] = self.left.remove(at).values[..] else { return None };
+        Some((creep, time_s))
+    }
+
+    /// The dry friction that stands for one that bends first.
+    pub(super) fn presliding(&self) -> Option<f64> {
+        let placed = self.left.iter().find(|placed| placed.effect.spec().name == "presliding_friction")?;
+        placed.values.first().copied()
     }
 
     /// Counts the dead time of the command as left.
@@ -136,6 +152,12 @@ impl JointFacts {
             ("stribeck_friction", [coulomb, at_rest, _]) => {
                 self.coulomb += coulomb;
                 self.static_friction += at_rest;
+                self.left.push(placed.clone());
+            }
+            // Without its bending, it is dry friction.
+            ("presliding_friction", [torque, _]) => {
+                self.coulomb += torque;
+                self.static_friction += torque;
                 self.left.push(placed.clone());
             }
             ("parallel_spring", [stiffness, rest]) if self.stiffness == 0.0 => {

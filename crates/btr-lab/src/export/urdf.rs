@@ -40,6 +40,9 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
     Ok(exported)
 }
 
+/// The effort that stands for no limit, in N·m (N).
+const NO_LIMIT: f64 = 1e9;
+
 struct File<'a> {
     text: &'a str,
     changes: Changes,
@@ -50,9 +53,26 @@ impl File<'_> {
     fn joint(&mut self, element: Node, joint: &JointFacts) {
         let dynamics = [("damping", joint.viscous), ("friction", joint.coulomb)];
         self.set(element, "dynamics", &dynamics, joint);
-        if joint.torque_limit.is_finite() && children(element, "limit").next().is_some() {
-            self.set(element, "limit", &[("effort", joint.torque_limit)], joint);
+        match children(element, "limit").next() {
+            Some(_) if joint.torque_limit.is_finite() => {
+                self.set(element, "limit", &[("effort", joint.torque_limit)], joint);
+            }
+            Some(limit) if joint.has_motor => self.unlimit(limit, joint),
+            _ => {}
         }
+    }
+
+    /// Lets the file state no limit of torque, as the model has none. URDF requires the attribute, and 0 is no torque
+    /// at all to some readers.
+    fn unlimit(&mut self, limit: Node, joint: &JointFacts) {
+        let stated = limit.attribute("effort").and_then(|effort| effort.trim().parse::<f64>().ok());
+        let Some(effort) = stated.filter(|effort| *effort > 0.0 && *effort < NO_LIMIT) else { return };
+        self.changes.set(self.text, limit, "effort", &number(NO_LIMIT));
+        self.exported.advice.push(format!(
+            "{}: the model has no limit of torque, so the file's effort {effort} became {}, which stands for none",
+            joint.name,
+            number(NO_LIMIT)
+        ));
     }
 
     /// Sets attributes of a joint's child, which is added where one of them is not 0.

@@ -1,6 +1,8 @@
 //! `btr studio`: a local page on a model and its logs, which Python serves.
 
 use crate::args::{Global, StudioArgs};
+use crate::cmd::common;
+use btr_lab::experiment;
 use btr_lab::failure::Failure;
 use btr_lab::python::Python;
 use std::process::Command;
@@ -9,6 +11,8 @@ use std::process::Command;
 const NEEDED: &str = "btr._studio, viser";
 
 pub(crate) fn run(args: &StudioArgs, global: &Global) -> Result<u8, Failure> {
+    // What is wrong with the model counts first: a page would not help.
+    experiment::model(&common::source(&args.model, global)?)?;
     let python = Python::named();
     python.imports(NEEDED).map_err(|why| {
         let message = format!("the studio is served by Python, with btr and viser in it: {why}");

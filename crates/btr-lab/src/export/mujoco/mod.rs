@@ -1,6 +1,7 @@
 //! MJCF: attributes of joints, bodies and actuators in the user's own file.
 
 mod defaults;
+mod mobility;
 mod step;
 
 use super::facts::{JointFacts, changed_bodies, joints, none_of};
@@ -9,6 +10,7 @@ use super::rest;
 use super::xml::{Changes, ROUNDING, children, is_same, named, numbers_of};
 use btr_physics::robot::Link;
 use defaults::default_of;
+use mobility::{mobilities, rate, softness};
 use roxmltree::{Document, Node};
 
 pub(super) fn write(request: &Request) -> Result<Exported, String> {
@@ -21,13 +23,27 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
     if !facts.iter().any(|joint| named(&document, "joint", &joint.name).is_some()) {
         return Err(none_of(&facts));
     }
-    let mut file = File { text, document: &document, changes: Changes::default(), exported: Exported::default() };
-    facts.iter().for_each(|joint| file.joint(joint));
+    let mobilities = mobilities(request.model);
+    let step_s = step::of(&document);
+    let mut file =
+        File { text, document: &document, step_s, changes: Changes::default(), exported: Exported::default() };
+    for (joint, mobility) in facts.iter_mut().zip(&mobilities) {
+        let creep = mobility.and_then(|mobility| Some((joint.take_creep()?, mobility)));
+        let friction = match creep {
+            Some(((creep, time_s), mobility)) => Softness::Creeps(softness(creep, time_s, mobility, step_s)),
+            None if joint.rests_by_friction() => Softness::Rests,
+            None => Softness::Unknown,
+        };
+        file.joint(joint, &friction);
+    }
     let has = |name: &str| named(&document, "body", name).is_some();
     changed_bodies(request, has).iter().for_each(|link| file.link(link));
     let File { changes, mut exported, .. } = file;
     exported.text = changes.apply(text);
-    exported.advice.extend(step::advice(&document, request.model.setup.dt_s));
+    let rates = facts.iter().zip(&mobilities).filter_map(|(joint, mobility)| Some((joint, rate(joint, (*mobility)?))));
+    let fastest = rates.max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(joint, rate)| (joint.name.as_str(), rate));
+    exported.advice.extend(step::advice(&document, request.model.setup.dt_s, fastest));
+    exported.advice.extend(from_geoms(&document));
     facts.iter_mut().for_each(JointFacts::leave_delay);
     let others = &request.outline.others;
     exported.left.extend(rest::lines(&facts, others));
@@ -40,15 +56,26 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
 const HARD_FRICTION: [(&str, &str); 2] =
     [("solreffriction", "0.001 1"), ("solimpfriction", "0.9999 0.9999 0.001 0.5 2")];
 
+/// How dry friction gives way.
+enum Softness {
+    /// At this time constant (s) and impedance.
+    Creeps([f64; 2]),
+    /// Not at all.
+    Rests,
+    /// The model has none, or does not say.
+    Unknown,
+}
+
 struct File<'a, 'i> {
     text: &'a str,
     document: &'a Document<'i>,
+    step_s: f64,
     changes: Changes,
     exported: Exported,
 }
 
 impl<'a, 'i> File<'a, 'i> {
-    fn joint(&mut self, joint: &JointFacts) {
+    fn joint(&mut self, joint: &JointFacts, friction: &Softness) {
         let Some(element) = named(self.document, "joint", &joint.name) else {
             let what = format!("{}: no such joint in the file; is it in one that this includes?", joint.name);
             self.exported.left.push(what);
@@ -72,16 +99,37 @@ impl<'a, 'i> File<'a, 'i> {
         if joint.stiffness != 0.0 {
             self.set(element, "springref", &number(rest), &joint.name);
         }
+        self.friction(element, joint, friction);
+        self.actuators(joint);
+    }
+
+    /// How soft a joint's dry friction is.
+    fn friction(&mut self, element: Node<'a, 'i>, joint: &JointFacts, softness: &Softness) {
         // How soft the friction is that the file has was chosen with it.
         let known = self.known(element, "frictionloss").is_some_and(|loss| loss.iter().any(|loss| *loss != 0.0));
-        if joint.rests_by_friction() && !known {
-            for (name, hard) in HARD_FRICTION {
-                if !element.has_attribute(name) && default_of(self.document, element, name).is_none() {
-                    self.set(element, name, hard, &joint.name);
+        match softness {
+            Softness::Creeps([time_s, impedance]) => {
+                let values = [numbers([*time_s, 1.0]), numbers([*impedance, *impedance, 0.001, 0.5, 2.0])];
+                for ((name, _), value) in HARD_FRICTION.iter().zip(values) {
+                    self.set(element, name, &value, &joint.name);
                 }
             }
+            Softness::Rests if !known => {
+                for (name, hard) in HARD_FRICTION {
+                    if !element.has_attribute(name) && default_of(self.document, element, name).is_none() {
+                        self.set(element, name, hard, &joint.name);
+                    }
+                }
+            }
+            Softness::Rests | Softness::Unknown => {}
         }
-        self.actuators(joint);
+        if let Some(torque) = joint.presliding().filter(|torque| *torque != 0.0) {
+            self.exported.advice.push(format!(
+                "{}: {} N·m of its frictionloss stand for presliding_friction, without the bending before it slides",
+                joint.name,
+                number(torque)
+            ));
+        }
     }
 
     /// Says that a default class gives an attribute that is 0 in the model.
@@ -135,6 +183,16 @@ impl<'a, 'i> File<'a, 'i> {
                 }
                 other => self.exported.left.push(format!("{}: gains of its servo, as <{other}>", joint.name)),
             }
+        }
+        if driven && joint.delay_s > 0.0 {
+            // Versions before 4 refuse a file with these attributes, and are supported.
+            self.exported.advice.push(format!(
+                "{}: MuJoCo 4 has its dead time as delay=\"{}\" nsample=\"{}\" of the actuator; older versions refuse that. \
+                 Write it there, and remove command_delay from the effects",
+                joint.name,
+                number(joint.delay_s),
+                (joint.delay_s / self.step_s).ceil() + 1.0
+            ));
         }
         if !driven && (joint.gains.is_some() || joint.torque_limit.is_finite()) {
             let what = format!("{}: its servo; the file has no actuator for this joint", joint.name);
@@ -193,10 +251,18 @@ impl<'a, 'i> File<'a, 'i> {
         let mass = number(link.mass_kg);
         match children(body, "inertial").next() {
             Some(inertial) => {
-                for (name, value) in [("mass", &mass), ("pos", &pos), ("fullinertia", &inertia)] {
+                // The file has one of the two, in the axes of the body; what is diagonal stays so.
+                let off_diagonal = [i.m12, i.m13, i.m23].iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+                let is_diagonal = inertial.has_attribute("diaginertia") && off_diagonal <= ROUNDING * i.trace();
+                let diagonal = numbers([i.m11, i.m22, i.m33]);
+                let (stated, value, other) = match is_diagonal {
+                    true => ("diaginertia", &diagonal, "fullinertia"),
+                    false => ("fullinertia", &inertia, "diaginertia"),
+                };
+                for (name, value) in [("mass", &mass), ("pos", &pos), (stated, value)] {
                     self.changes.set(self.text, inertial, name, value);
                 }
-                ["diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler"]
+                [other, "quat", "axisangle", "xyaxes", "zaxis", "euler"]
                     .iter()
                     .for_each(|name| self.changes.remove(self.text, inertial, name));
             }
@@ -213,6 +279,15 @@ impl<'a, 'i> File<'a, 'i> {
         let compilers = children(self.document.root_element(), "compiler");
         compilers.filter_map(|compiler| compiler.attribute("angle")).last().is_none_or(|angle| angle != "radian")
     }
+}
+
+/// That the compiler computes what bodies weigh from their shapes, whatever the file states of it.
+fn from_geoms(document: &Document) -> Option<String> {
+    let compilers = children(document.root_element(), "compiler");
+    let stated = compilers.filter_map(|compiler| compiler.attribute("inertiafromgeom")).last();
+    (stated == Some("true")).then(|| {
+        "inertiafromgeom: the compiler takes masses from shapes, not those written here: set it to \"auto\"".to_owned()
+    })
 }
 
 /// Whether a body moves: it, or one that carries it, has a joint. What one weighs that is fixed to the world does not

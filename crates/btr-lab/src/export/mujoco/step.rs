@@ -9,23 +9,43 @@ const DEFAULT_S: f64 = 0.002;
 /// A step that is longer by this factor is another one, and no rounding.
 const LONGER: f64 = 1.000_001;
 
-/// What is to be said of a file whose steps are longer than the model's (in s), or whose integrator is of first order.
-pub(super) fn advice(document: &Document, model_s: f64) -> impl Iterator<Item = String> {
-    longer(document, model_s).into_iter().chain(of_first_order(document))
+/// Steps per time constant of the fastest joint with which RK4 is accurate to a few hundredths of a milliradian.
+const STEPS: f64 = 2.0;
+
+/// The time step of the file, in s.
+pub(super) fn of(document: &Document) -> f64 {
+    match stated(document, "timestep") {
+        Stated::Value(step) => step.trim().parse().ok().filter(|step| *step > 0.0).unwrap_or(DEFAULT_S),
+        Stated::Included | Stated::Nowhere => DEFAULT_S,
+    }
 }
 
-/// That the file's steps are longer.
-fn longer(document: &Document, model_s: f64) -> Option<String> {
+/// What is to be said of a file whose steps are longer than the model's (in s), or too long for the joint that settles
+/// fastest (in 1/s), or whose integrator is of first order.
+pub(super) fn advice(document: &Document, model_s: f64, fastest: Option<(&str, f64)>) -> impl Iterator<Item = String> {
+    longer(document, model_s, fastest).into_iter().chain(of_first_order(document))
+}
+
+/// That the file's steps are too long.
+fn longer(document: &Document, model_s: f64, fastest: Option<(&str, f64)>) -> Option<String> {
     let (file_s, whose) = match stated(document, "timestep") {
         Stated::Value(step) => (step.trim().parse().ok()?, ""),
         Stated::Included => return None,
         Stated::Nowhere => (DEFAULT_S, ", MuJoCo's default"),
     };
-    let (file, model) = (number(file_s), number(model_s));
-    (file_s > LONGER * model_s).then(|| {
+    // A whole part of the model's.
+    let parts = fastest.map_or(1.0, |(_, rate)| (STEPS * model_s * rate).ceil().max(1.0));
+    let needed_s = model_s / parts;
+    let why = match fastest.filter(|_| parts > 1.0) {
+        Some((joint, rate)) => format!("{joint} settles within {:.1e} s", 1.0 / rate),
+        None => format!("{} s in the model", number(model_s)),
+    };
+    (file_s > LONGER * needed_s).then(|| {
         format!(
-            "timestep: {file} s in the file{whose}, and {model} s in the model: set <option timestep=\"{model}\"/>, or \
-             motions may differ by more than the noise"
+            "timestep: {} s in the file{whose}, and {why}: set <option timestep=\"{}\"/>, or motions may differ by more \
+             than the noise",
+            number(file_s),
+            number(needed_s)
         )
     })
 }

@@ -17,7 +17,7 @@ from typing import Union
 
 from btr._optional import needed
 from btr._sources import LogLike
-from btr.model import Model
+from btr.model import Model, loaded
 
 __all__ = ["studio"]
 
@@ -39,6 +39,8 @@ def studio(
     that do the same into `folder`, under new names. It is served at `host` and the first free port from `port` on, and
     only to browsers that open the printed address; with `browser` this is done at once. Raises `BtrError` if the model
     or all of the logs cannot be read, `ImportError` without viser."""
+    # What is wrong with the model counts first: a page would not help.
+    first = loaded(model)
     needed("viser", "studio")
     # Without viser these cannot be imported.
     from btr._studio.page import Page
@@ -46,7 +48,7 @@ def studio(
     from btr._studio.server import serve
     from btr._studio.session import Session
 
-    session = Session(model, logs, held_out, folder=folder)
+    session = Session(first, logs, held_out, folder=folder)
     robot = robot_of(session.model)
     server, address = serve(host, port)
     page = Page(server, session, robot)
