@@ -193,8 +193,11 @@ pub fn column_of(channel: &str) -> Option<String> {
 /// # Errors
 /// Two channels of one foreign name.
 pub fn as_mapped(path: &Path, log: &Log, mapping: &Mapping) -> Result<Log, LogError> {
-    let is_csv = matches!(format(path), Ok(Format::Csv | Format::CsvGz));
-    channels::foreign::foreign(log, mapping, is_csv)
+    match format(path) {
+        Ok(Format::Csv | Format::CsvGz) => channels::foreign::foreign(log, mapping),
+        // btr's own messages are read as they are.
+        _ => Ok(log.clone()),
+    }
 }
 
 /// Checks that a log could be written to the path.

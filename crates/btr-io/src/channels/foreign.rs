@@ -4,20 +4,17 @@ use super::mapping::Mapping;
 use super::names::header;
 use btr_core::log::{Log, LogError};
 
-/// The log whose file, read by the mapping, is this log again; its channels have the mapping's names and units where a
-/// file can carry them, and btr's otherwise. `is_csv` says whether the file has columns, or messages of joints.
+/// The log whose CSV file, read by the mapping, is this log again; its columns have the mapping's names and units where
+/// a header can carry them, and btr's otherwise.
 ///
 /// # Errors
 /// Two channels of one foreign name, whose lengths differ.
-pub(crate) fn foreign(log: &Log, mapping: &Mapping, is_csv: bool) -> Result<Log, LogError> {
-    // Messages have stamps in a unit of their own.
-    let second = mapping.time_unit.filter(|_| is_csv).map_or(1.0, |unit| unit.seconds().recip());
+pub(crate) fn foreign(log: &Log, mapping: &Mapping) -> Result<Log, LogError> {
+    let second = mapping.time_unit.map_or(1.0, |unit| unit.seconds().recip());
     let mut written = Log::new(log.clock_s().iter().map(|t| t * second).collect())?;
     for (ours, channel) in log.channels() {
-        let theirs = mapping.theirs(ours).map(|(_, theirs)| theirs).filter(|theirs| {
-            let is_readable = header(theirs).as_ref() == Some(theirs);
-            is_readable && (is_csv || theirs.starts_with("cmd_"))
-        });
+        let theirs = mapping.theirs(ours).map(|(_, theirs)| theirs);
+        let theirs = theirs.filter(|theirs| header(theirs).as_ref() == Some(theirs));
         let name = theirs.unwrap_or_else(|| ours.to_owned());
         let factor =
             mapping.meaning(&name).filter(|meaning| meaning.name == ours).map_or(1.0, |meaning| meaning.factor);
@@ -31,7 +28,7 @@ pub(crate) fn foreign(log: &Log, mapping: &Mapping, is_csv: bool) -> Result<Log,
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::{Meta, read_log, write_log};
+    use crate::{Meta, as_mapped, read_log, write_log};
     use btr_core::log::Role;
 
     /// Commands of two joints, one of them switched off at the end.
@@ -47,7 +44,7 @@ mod tests {
         let mapping: Mapping = toml::from_str(mapping).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(file);
-        write_log(&path, &foreign(&commands(), &mapping, file.ends_with("csv")).unwrap(), &Meta::default()).unwrap();
+        write_log(&path, &as_mapped(&path, &commands(), &mapping).unwrap(), &Meta::default()).unwrap();
         let (read, _) = read_log(&path, &mapping).unwrap();
         for (name, channel) in commands().channels() {
             let near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-12 || a.is_nan() && b.is_nan();
@@ -77,7 +74,7 @@ mod tests {
 
     #[cfg(feature = "mcap")]
     #[test]
-    fn messages_keep_the_names_of_the_joints() {
+    fn btr_s_own_messages_need_no_mapping() {
         round_trip(DEGREES, "drive.mcap");
         round_trip(r#"channels = { cmd_hip = "cmd_knee", cmd_knee = "cmd_hip" }"#, "drive.mcap");
         round_trip(r#"channels = { "cmd_{joint}" = { column = "{joint}_goal", factor = -0.5 } }"#, "drive.mcap");
