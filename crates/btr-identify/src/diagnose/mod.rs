@@ -32,7 +32,7 @@ pub use residual_law::ResidualLaw;
 use crate::LadderStep;
 use crate::fit::measure::ComparisonMeasure;
 use crate::fit::second_look::{LEFT_OUT, without_glitches};
-use crate::fit::{Degree, Intervals, Objective, RESTARTS, estimates, remaining};
+use crate::fit::{Degree, Estimate, Intervals, Objective, RESTARTS, estimates, remaining};
 use beginning::begin;
 use btr_core::world::{Cancelled, WorldError};
 use companion::{companion, exchange, exchange_for_larger, is_near, weigh_pairs};
@@ -43,7 +43,7 @@ use residual_law::residual_law;
 use round::round;
 use stand_ins::stand_ins;
 use state::DiagnosisState;
-use thresholds::{AT_MOST_WITH_LEFT_OVER, LEFT_OVER};
+use thresholds::{AT_MOST_AT_BOUNDS, AT_MOST_WITH_LEFT_OVER, LEFT_OVER};
 use together::two;
 
 /// Finds out which effects of the model's candidates are missing; `on_step` is called with every step of the ladder as
@@ -242,9 +242,14 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
         .then(|| state.bare_now(objective))
         .flatten()
         .and_then(|bare| residual_law(objective, &bare, found));
-    let free = &objective.description.free;
-    let at_bound =
-        all.iter().filter(|(parameter, e)| free.contains(parameter) && e.at_bound).map(|(_, e)| e.name.clone());
+    let is_free = |parameter: &usize| objective.description.free.contains(parameter);
+    let at_bound: Vec<&Estimate> =
+        all.iter().filter(|(parameter, e)| is_free(parameter) && e.at_bound).map(|(_, e)| e).collect();
+    // A bound of zero is physics, as of friction; any other one says that what is named does not suffice.
+    if at_bound.iter().any(|estimate| estimate.value != 0.0) {
+        state.chosen.iter_mut().for_each(|found| found.cap(AT_MOST_AT_BOUNDS, CapReason::ParameterAtBound));
+    }
+    let at_bound = at_bound.into_iter().map(|estimate| estimate.name.clone()).collect();
     let stand_ins = match leaves || stopped || objective.description.is_decoupled {
         true => Vec::new(),
         false => stand_ins(objective, &state),
@@ -263,7 +268,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
         left_over,
         unexplained_share: (1.0 - left.powi(-2)).max(0.0),
         integrator_error,
-        at_bound: at_bound.collect(),
+        at_bound,
         rounds: state.rounds,
         effects: state.chosen,
         ladder: state.ladder,

@@ -117,6 +117,8 @@ pub enum CapReason {
     UnstableSize,
     /// It explains next to nothing, on training and held-out logs: two simulators differ by as much.
     LittleExplained,
+    /// A free parameter ended at its bound, which is no limit of physics.
+    ParameterAtBound,
     /// The findings leave an error, which another cause may be behind.
     ErrorLeft,
     /// A further candidate would still explain something for certain, but too little to be named.

@@ -1,7 +1,7 @@
 //! Which of several explanations is named, and how certain it is.
 
 use crate::synthetic::{NO_STEP, PERIOD_S, SyntheticModel, names, swing};
-use btr_identify::diagnose::{Diagnosis, Verdict};
+use btr_identify::diagnose::{CapReason, Diagnosis, Verdict};
 use btr_identify::residual_model::{FitParameter, Needs};
 
 /// Beside a large error of another cause, two laws are alike; without it, one of them is right.
@@ -229,6 +229,21 @@ fn no_name_is_certain_that_leaves_something_for_certain() {
     assert!(stands_in.effects[0].probability <= 0.9);
     let alone = ask(0.0);
     assert!(alone.left_over.is_none() && alone.effects[0].probability > 0.99, "{:?}", alone.left_over);
+}
+
+/// The gain would have to go a little further than it may.
+#[test]
+fn no_name_is_certain_beside_a_parameter_at_its_bound() {
+    let ask = |gain: f64| {
+        let motion = |u: &[f64], log: usize, t: f64, _: f64| u[0] * swing(3.0, log, t) + u[1] * swing(5.0, log, t);
+        SyntheticModel::new(&["friction"], &[gain, 9.0], motion).diagnosis()
+    };
+    let bounded = ask(3.2);
+    assert_eq!((bounded.verdict, names(&bounded)), (Verdict::EffectMissing, vec!["friction"]));
+    assert_eq!(bounded.at_bound, ["gain"]);
+    let cap = bounded.effects[0].probability_cap.as_ref().unwrap();
+    assert!(cap.reasons.contains(&CapReason::ParameterAtBound) && cap.at_most <= 0.9, "{cap:?}");
+    assert!(ask(0.4).effects[0].probability > 0.99);
 }
 
 /// Where nothing creeps, the larger law is the smaller one, and what creeps is its further term.
