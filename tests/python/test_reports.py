@@ -53,7 +53,7 @@ REPORTS = {
     "compare": ("compare", "friction", "follows", ["By regime", "Over", *JOINT]),
     "found": ("diagnose", "friction", "The model lacks coulomb_friction on hinge", [*LADDER, *ROUND, *JOINT]),
     "nothing": ("diagnose", "nothing", "Nothing is missing", [*LADDER, *JOINT]),
-    "unexplained": ("diagnose", "odd", "no effect of the library explains", [*LADDER, *ROUND, *JOINT]),
+    "unexplained": ("diagnose", "odd", "nothing tried explains", [*LADDER, *ROUND, *JOINT]),
     "alike": ("diagnose", "late", "These logs cannot tell it from", [*LADDER, *ROUND, *JOINT]),
     "fit": ("fit --add coulomb_friction@hinge", "friction", "what remains is noise", [*LADDER, *BOUNDS, *JOINT]),
     "withheld": ("fit", "odd", "No intervals", [*LADDER, *BOUNDS, *JOINT]),
