@@ -130,6 +130,27 @@ def test_mujoco_replays_the_model_with_the_effects_that_are_left(fitted, robot, 
     assert np.all(rms(with_them - expected) < 0.005), rms(with_them - expected)
 
 
+def test_a_log_is_replayed_with_the_error_of_each_joint(fitted, robot, tmp_path):
+    fitted.export("mujoco", robot).save(tmp_path / "fitted.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "fitted.xml"))
+    before = model.opt.timestep, model.opt.integrator
+    said = fitted.simulate(LOG)
+    told = btr.load_log(LOG)
+    # On the clock of the log, whose rounded times must not make commands late.
+    clock = told.clock_s.astype(np.float32).astype(np.float64)
+    at = np.searchsorted(said.clock_s, told.clock_s - 1e-6)
+    positions = {f"q_{joint}": said[f"q_{joint}"][at] for joint in JOINTS}
+    log = btr.Log(clock, {**{f"cmd_{joint}": told[f"cmd_{joint}"] for joint in JOINTS}, **positions})
+    replayed = btr.mujoco.replay(model, log, tmp_path / "fitted.effects.json")
+    assert set(replayed.rmse) == set(JOINTS) and max(replayed.rmse.values()) < 0.003, replayed.rmse
+    assert str(replayed).count("rms") == len(JOINTS)
+    assert all(len(q) == len(clock) for q in replayed.positions.values())
+    assert min(btr.mujoco.replay(model, log).rmse.values()) > 0.02
+    assert (model.opt.timestep, model.opt.integrator) == before
+    with pytest.raises(btr.BtrError, match="command for no joint"):
+        btr.mujoco.replay(model, btr.Log(clock, {f"q_{joint}": log[f"q_{joint}"] for joint in JOINTS}))
+
+
 def test_the_file_has_the_numbers(fitted, robot, tmp_path):
     exported = fitted.export("mujoco", robot)
     assert isinstance(exported, Exported)

@@ -161,7 +161,7 @@ def test_a_model_is_made_of_a_set_without_an_episode(tmp_path: Path) -> None:
     told = run("new", tmp_path / "arm.urdf", folder, "-o", tmp_path / "arm.toml")
     assert f"{folder} has 3 episodes: columns and units are those of the first" in told
     assert f"a log of it is called {folder}#0" in told
-    assert "max_torque = 100.0 of elbow is the URDF's effort, often a placeholder" in told
+    assert "max_torque = 100.0 of elbow is the URDF's effort, the motor's limit or a placeholder" in told
     # By its mapping, a model's log is not what its columns seem to say.
     text = (tmp_path / "arm.toml").read_text()
     scaled = f'[channels.channels]\n"q_elbow" = {{ column = "q_elbow", factor = {DEGREES} }}\n'

@@ -163,19 +163,14 @@ pub fn fitted(report: &FitReport, estimate: &Estimate) -> Vec<String> {
     vec![estimate.name.clone(), in_model, value, unit, interval(estimate), moved.to_owned()]
 }
 
-/// The most names that a sentence gives as an example.
-const EXAMPLES: usize = 4;
-
 /// Where an output would change many numbers by noise alone: what keeps them.
 pub fn moved_by_noise(report: &FitReport) -> Option<String> {
     let (count, names) = report.moved_by_noise()?;
     let of = report.parameters.len();
-    let freeze: Vec<String> =
-        names.iter().take(EXAMPLES).map(|name| format!("--freeze {}", shell_word(name))).collect();
-    let more = if names.len() > EXAMPLES { " ..." } else { "" };
+    let freeze: Vec<String> = names.iter().map(|name| format!("--freeze {}", shell_word(name))).collect();
     Some(format!(
         "{count} of {of} parameters changed by no more than their uncertainty: saved or exported, they change {count} numbers by \
-         noise alone; {}{more} keeps the model's",
+         noise alone; to keep the model's values: {}",
         freeze.join(" ")
     ))
 }

@@ -256,9 +256,9 @@ fn to_repeatability(report: &DiagnoseReport) -> String {
     }
 }
 
-/// Where a name is less likely than not: which others it may be.
+/// Where a name is not nearly certain: which others it may be.
 fn unsure(report: &DiagnoseReport) -> String {
-    alike(report, |support| support.probability < 0.5).iter().map(|sentence| format!("; {sentence}")).collect()
+    alike(report, |support| support.probability < 0.8).iter().map(|sentence| format!("; {sentence}")).collect()
 }
 
 /// The joints that a verdict is about, where these are not all.

@@ -196,11 +196,23 @@ fn what_replays_a_log_with_the_effects_that_are_left_is_printed() {
     for line in [
         "btr.mujoco.EffectStepper applies them",
         "  model = mujoco.MjModel.from_xml_path(\"out.xml\")",
-        "  stepper = btr.mujoco.EffectStepper(model, \"out.effects.json\")",
+        "  log = btr.load_log(\"LOG\", model=btr.load_model(\"fitted.toml\"))",
+        "  print(btr.mujoco.replay(model, log, \"out.effects.json\"))",
     ] {
         assert!(told.contains(line), "{told}");
     }
     assert!(!lab.ok("export fitted.toml --to urdf -o out.urdf").contains("EffectStepper"));
+}
+
+#[test]
+fn a_limit_of_the_file_that_the_model_lacks_is_told() {
+    let lab = lab();
+    let told = |range: &str| {
+        let yaw = format!("<joint name=\"yaw\" actuatorfrcrange=\"{range}\"");
+        lab.write("arm.xml", &MJCF.replace("<joint name=\"yaw\"", &yaw));
+        lab.ok("export fitted.toml arm.xml --to mujoco -o out.xml").contains("yaw: actuatorfrcrange limits")
+    };
+    assert!(told("-2 2") && !told("0 0"));
 }
 
 #[test]

@@ -10,7 +10,7 @@ use btr_core::log::{Log, LogError};
 /// # Errors
 /// Two channels of one foreign name, whose lengths differ.
 pub(crate) fn foreign(log: &Log, mapping: &Mapping) -> Result<Log, LogError> {
-    let second = mapping.time_unit.map_or(1.0, |unit| unit.seconds().recip());
+    let second = mapping.seconds_per_unit("t").recip();
     let mut written = Log::new(log.clock_s().iter().map(|t| t * second).collect())?;
     for (ours, channel) in log.channels() {
         let theirs = mapping.theirs(ours).map(|(_, theirs)| theirs);
@@ -65,6 +65,9 @@ mod tests {
         round_trip(r#"channels = { cmd_hip = "hip_goal_deg", cmd_knee = "q_cmd_knee" }"#, "drive.csv");
         let millis = round_trip("time_unit = \"ms\"", "drive.csv");
         assert_eq!(millis.clock_s()[1].to_bits(), 500.0_f64.to_bits());
+        // What btr writes has seconds in `t`, where other logs have a column of another name.
+        let named = round_trip("time = \"t [ms]\"\ntime_unit = \"ms\"", "drive.csv");
+        assert_eq!(named.clock_s()[1].to_bits(), 0.5_f64.to_bits());
     }
 
     #[test]

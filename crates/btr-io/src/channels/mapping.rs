@@ -147,9 +147,11 @@ fn is_default(topics: &Topics) -> bool {
 }
 
 impl Mapping {
-    /// Seconds per unit of a time column: as stated, or by the end of its name.
+    /// Seconds per unit of a time column: as stated of the one that is named, or by the end of its name. What btr
+    /// writes has seconds in `t`, whatever other logs have in their column.
     pub(crate) fn seconds_per_unit(&self, column: &str) -> f64 {
-        self.time_unit.map_or_else(|| seconds_per_unit(column), TimeUnit::seconds)
+        let is_meant = self.time.as_deref().is_none_or(|time| time == column);
+        self.time_unit.filter(|_| is_meant).map_or_else(|| seconds_per_unit(column), TimeUnit::seconds)
     }
 
     /// The meaning of a foreign name; `None` when the mapping does not know it.

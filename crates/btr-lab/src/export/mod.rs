@@ -160,7 +160,8 @@ fn drawn(source: &Source, format: &Format, posterior: &Posterior) -> Result<Vec<
 
 fn without_file(source: &Source, format: &Format) -> Failure {
     let message = format!("{} changes a file of yours, and none is given", format.name);
-    let help = format!("name it: btr export {} ROBOT --to {} -o OUT", source.path.display(), format.name);
+    let made = if format.name == "mujoco" { "; docs/howto/export.md makes an MJCF file of a URDF" } else { "" };
+    let help = format!("name it: btr export {} ROBOT --to {} -o OUT{made}", source.path.display(), format.name);
     Failure::new("usage", message, Some(help.into()))
 }
 

@@ -28,8 +28,8 @@ pub(crate) fn warnings(model: &Model, simulated: &[Option<Log>]) -> Vec<String> 
             simulated.iter().enumerate().filter_map(|(k, log)| Some((k, share(log.as_ref()?, joint, &limit)?)));
         let (k, share) = shares.max_by(|(_, a), (_, b)| a.total_cmp(b)).filter(|(_, share)| *share > WORTH_TELLING)?;
         Some(format!(
-            "{}: the model is at its limit of {} {} for {:.0} % of {}: errors there need no missing effect; if the robot \
-             can do more, raise {}",
+            "{}: the model is at its limit of {} {} for {:.0} % of {}: if the robot can do more, raise {} \
+             before an effect is added for the errors there",
             joint.name,
             limit.torque,
             joint.torque_unit(),

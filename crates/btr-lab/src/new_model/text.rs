@@ -12,7 +12,7 @@ use btr_physics::robot::urdf::parse_urdf;
 use btr_physics::robot::{Base, Joint, Robot};
 
 /// Where a limit of torque is from.
-const EFFORT: &str = "max_torque is the URDF's effort, often a placeholder";
+const EFFORT: &str = "max_torque is the URDF's effort: the motor's limit, or a placeholder";
 
 /// Where a model's URDF is.
 pub enum UrdfPlace {
@@ -186,8 +186,8 @@ impl Writer<'_> {
         for (limit, joints) in by_limit {
             let (limit, joints) = (number(limit), joints.join(", "));
             self.told.push(format!(
-                "max_torque = {limit} of {joints} is the URDF's effort, often a placeholder: state the motor's own limit, \
-                 or remove it"
+                "max_torque = {limit} of {joints} is the URDF's effort, the motor's limit or a placeholder: if it is one, \
+                 remove it; btr check tells where the model stands at it"
             ));
         }
     }

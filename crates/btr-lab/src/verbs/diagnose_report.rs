@@ -286,8 +286,8 @@ impl DiagnoseReport {
         let times = ErrorUnit::of(&self.noise_floor).times();
         let held_out = last.held_out.map_or_else(String::new, |error| format!(" and {error:.2} on held-out logs"));
         Some(format!(
-            "what is left counts as noise ({:.2} {times}{held_out}), so the verdict holds; but {} would lower it to {:.2} (delta \
-             BIC {:.0}), which is too little to be named: what is named may stand in for something else",
+            "what is left counts as noise ({:.2} {times}{held_out}), so the verdict holds; but {} would lower it to {:.2} for \
+             certain (delta BIC {:.0}), by less than the 5 % that a name needs: what is named may stand in for something else",
             last.train, left.name, left.train, left.delta_bic
         ))
     }

@@ -44,19 +44,12 @@ pub(crate) fn run(args: &ExportArgs, global: &Global) -> Result<u8, Failure> {
     Ok(DONE)
 }
 
-/// Replays a log in MuJoCo, with the effects that the file does not say.
-const REPLAY: &str = r#"  import btr, mujoco, numpy as np
+/// Replays a log in MuJoCo, with the effects that the file does not say, and prints the error of each joint.
+const REPLAY: &str = r#"  import btr, mujoco
 
   model = mujoco.MjModel.from_xml_path(ROBOT)
-  stepper = btr.mujoco.EffectStepper(model, EFFECTS)
-  data, log = mujoco.MjData(model), btr.load_log("LOG.csv")
-  joints = [model.joint(model.actuator_trnid[a, 0]).name for a in range(model.nu)]
-  for joint in joints:
-      data.joint(joint).qpos[0] = log[f"q_{joint}"][0]
-  for t in np.arange(log.clock_s[0], log.clock_s[-1], model.opt.timestep):
-      now = np.searchsorted(log.clock_s, t + 1e-9, side="right") - 1
-      data.ctrl[:] = [log[f"cmd_{joint}"][now] for joint in joints]
-      stepper.step(data)  # in the place of mujoco.mj_step(model, data)
+  log = btr.load_log("LOG", model=btr.load_model(MODEL))  # in the model's names and units
+  print(btr.mujoco.replay(model, log, EFFECTS))
 "#;
 
 /// A path as a string of Python.
@@ -103,6 +96,7 @@ fn report(
             println!("\n{}: the effects that are left, as JSON", beside.display());
             if format.name == "mujoco" {
                 let files = REPLAY.replace("ROBOT", &quoted(&args.output)).replace("EFFECTS", &quoted(&beside));
+                let files = files.replace("MODEL", &quoted(&args.model));
                 println!(
                     "btr.mujoco.EffectStepper applies them. A log, replayed in Python (pip install btr[mujoco]):\n"
                 );

@@ -93,6 +93,7 @@ fn tell(args: &NewArgs, global: &Global, file: &RobotFile, draft: &Draft, urdf: 
             println!("help: --package-path DIR names a folder with packages; the motion does not depend on meshes");
         }
         let logs = if args.logs.is_empty() { "LOG..." } else { "the same logs" };
-        println!("next: see what says GUESS or FILL IN in it, then btr check {} with {logs}", args.output.display());
+        let asks = if told.is_empty() { "" } else { "see what says GUESS or FILL IN in it, then " };
+        println!("next: {asks}btr check {} with {logs}", args.output.display());
     }
 }

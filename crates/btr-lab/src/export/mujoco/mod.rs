@@ -17,7 +17,8 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
     let text = request.text;
     let document = Document::parse(text).map_err(|error| format!("not an XML file: {error}"))?;
     if !document.root_element().has_tag_name("mujoco") {
-        return Err(format!("an MJCF file has a <mujoco>, not a <{}>", document.root_element().tag_name().name()));
+        let root = document.root_element().tag_name().name();
+        return Err(format!("an MJCF file has a <mujoco>, not a <{root}>; docs/howto/export.md makes one of a URDF"));
     }
     let mut facts = joints(request.outline);
     if !facts.iter().any(|joint| named(&document, "joint", &joint.name).is_some()) {
@@ -25,8 +26,7 @@ pub(super) fn write(request: &Request) -> Result<Exported, String> {
     }
     let mobilities = mobilities(request.model);
     let step_s = step::of(&document);
-    let mut file =
-        File { text, document: &document, step_s, changes: Changes::default(), exported: Exported::default() };
+    let mut file = File { text, document: &document, changes: Changes::default(), exported: Exported::default() };
     for (joint, mobility) in facts.iter_mut().zip(&mobilities) {
         let creep = mobility.and_then(|mobility| Some((joint.take_creep()?, mobility)));
         let friction = match creep {
@@ -69,7 +69,6 @@ enum Softness {
 struct File<'a, 'i> {
     text: &'a str,
     document: &'a Document<'i>,
-    step_s: f64,
     changes: Changes,
     exported: Exported,
 }
@@ -101,6 +100,20 @@ impl<'a, 'i> File<'a, 'i> {
         }
         self.friction(element, joint, friction);
         self.actuators(joint);
+        self.tell_limit(element, joint);
+    }
+
+    /// Says that the file limits a joint's torque more than the model, as MuJoCo does with the effort of a URDF.
+    fn tell_limit(&mut self, element: Node<'a, 'i>, joint: &JointFacts) {
+        let Some(range) = self.known(element, "actuatorfrcrange") else { return };
+        let most = range.iter().fold(0.0, |most: f64, end| most.max(end.abs()));
+        if most > 0.0 && most < joint.torque_limit {
+            let (name, most) = (&joint.name, number(most));
+            self.exported.advice.push(format!(
+                "{name}: actuatorfrcrange limits its torque to {most} N·m (MuJoCo makes it of a URDF's effort), and the \
+                 model does not: remove it if it is a placeholder"
+            ));
+        }
     }
 
     /// How soft a joint's dry friction is.
@@ -183,16 +196,6 @@ impl<'a, 'i> File<'a, 'i> {
                 }
                 other => self.exported.left.push(format!("{}: gains of its servo, as <{other}>", joint.name)),
             }
-        }
-        if driven && joint.delay_s > 0.0 {
-            // Versions before 4 refuse a file with these attributes, and are supported.
-            self.exported.advice.push(format!(
-                "{}: MuJoCo 4 has its dead time as delay=\"{}\" nsample=\"{}\" of the actuator; older versions refuse that. \
-                 Write it there, and remove command_delay from the effects",
-                joint.name,
-                number(joint.delay_s),
-                (joint.delay_s / self.step_s).ceil() + 1.0
-            ));
         }
         if !driven && (joint.gains.is_some() || joint.torque_limit.is_finite()) {
             let what = format!("{}: its servo; the file has no actuator for this joint", joint.name);

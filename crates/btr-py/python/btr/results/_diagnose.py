@@ -148,7 +148,8 @@ class DiagnoseResult(Reported):
         held_out = "" if last.held_out is None else f" and {last.held_out:.2f} on held-out logs"
         rest = (
             f"\nwhat is left counts as noise ({last.train:.2f}{held_out}), so the verdict holds; but {left.name} "
-            f"would lower it to {left.train:.2f} (delta BIC {left.delta_bic:.0f}), which is too little to be named"
+            f"would lower it to {left.train:.2f} for certain (delta BIC {left.delta_bic:.0f}), by less than the 5 % "
+            "that a name needs"
             if left
             else ""
         )
