@@ -83,7 +83,7 @@ impl Drop for Status {
 /// A step of the error ladder in one line.
 pub(crate) fn ladder_line(step: &LadderStep, unit: ErrorUnit) -> String {
     let held_out = step.held_out.map_or(String::new(), |x| format!(", {} held out", number(x)));
-    format!("{:<44} {} x {}{held_out}", step.step, number(step.train), unit.name())
+    format!("{:<40} {} x {}{held_out}", step.step, number(step.train), unit.name())
 }
 
 /// "1234/10200 rollouts, < 3 min left": the limit bounds both.

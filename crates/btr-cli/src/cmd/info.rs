@@ -3,7 +3,7 @@
 use crate::args::Global;
 use crate::cmd::common;
 use crate::exit::DONE;
-use crate::terminal;
+use crate::terminal::{self, Tone};
 use btr_core::distance::DISTANCES;
 use btr_core::log::{Channel, Log};
 use btr_core::search::SEARCHES;
@@ -46,7 +46,7 @@ fn about_log(path: &Path, model: Option<&Path>, global: &Global) -> Result<u8, F
     warnings.iter().for_each(|w| eprintln!("warning: {w}"));
     terminal::table(&channels(&log));
     if model.is_none() && !global.quiet {
-        println!("{UNITS}");
+        terminal::say(Tone::Plain, UNITS);
     }
     Ok(DONE)
 }
@@ -98,6 +98,6 @@ fn about_btr(global: &Global) -> Result<u8, Failure> {
 
 fn section<'a>(title: &str, rows: impl Iterator<Item = (String, &'a str)>) {
     println!("{title}");
-    rows.for_each(|(name, help)| println!("  {name:<22} {help}"));
+    rows.for_each(|(name, help)| terminal::say(Tone::Plain, &format!("  {name:<22} {help}")));
     println!();
 }

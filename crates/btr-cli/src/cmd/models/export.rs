@@ -3,6 +3,7 @@
 use crate::args::{ExportArgs, Global};
 use crate::cmd::common;
 use crate::exit::DONE;
+use crate::terminal::{Tone, say};
 use btr_lab::experiment::Source;
 use btr_lab::export::{Exported, FORMATS, Format, Randomised, draws, export, posterior_of};
 use btr_lab::failure::Failure;
@@ -119,6 +120,6 @@ fn report(
 fn tell(heading: &str, lines: &[String]) {
     if !lines.is_empty() {
         println!("\n{heading}:");
-        lines.iter().for_each(|line| println!("  {line}"));
+        lines.iter().for_each(|line| say(Tone::Plain, &format!("  {line}")));
     }
 }

@@ -3,6 +3,7 @@
 use crate::args::{Global, NewArgs};
 use crate::cmd::common;
 use crate::exit::DONE;
+use crate::terminal::{Tone, say};
 use btr_core::text::Text;
 use btr_lab::experiment;
 use btr_lab::experiment::Source;
@@ -86,14 +87,15 @@ fn tell(args: &NewArgs, global: &Global, file: &RobotFile, draft: &Draft, urdf: 
         println!("{document}");
     } else if !global.quiet {
         println!("{}: a model of {} joints", args.output.display(), file.robot.joints.len());
-        told.iter().for_each(|guess| println!("guess: {guess}"));
-        lacking.iter().for_each(|what| println!("not represented: {what}"));
-        warnings.iter().for_each(|what| println!("warning: {what}"));
+        told.iter().for_each(|guess| say(Tone::Plain, &format!("guess: {guess}")));
+        lacking.iter().for_each(|what| say(Tone::Plain, &format!("not represented: {what}")));
+        warnings.iter().for_each(|what| say(Tone::Plain, &format!("warning: {what}")));
         if !file.robot.warnings.is_empty() {
-            println!("help: --package-path DIR names a folder with packages; the motion does not depend on meshes");
+            let help = "help: --package-path DIR names a folder with packages; the motion does not depend on meshes";
+            say(Tone::Plain, help);
         }
         let logs = if args.logs.is_empty() { "LOG..." } else { "the same logs" };
         let asks = if told.is_empty() { "" } else { "see what says GUESS or FILL IN in it, then " };
-        println!("next: {asks}btr check {} with {logs}", args.output.display());
+        say(Tone::Plain, &format!("next: {asks}btr check {} with {logs}", args.output.display()));
     }
 }
