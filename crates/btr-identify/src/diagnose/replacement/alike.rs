@@ -26,10 +26,11 @@ impl DiagnosisState {
             if told.is_empty() {
                 continue;
             }
-            // What is still alike counts as much as a tie, at least.
-            let left = fitted.iter().flatten().filter(|rival| !is_told(rival));
-            let belief = |rival: &Rival| (-behind(&rival.fit).clamp(-TIE, TIE) / 2.0).exp();
-            let others: Vec<(String, f64)> = left.map(|r| (candidates[r.candidate].name(), belief(r))).collect();
+            // What is still alike counts as much as a tie, at least; so does what could not be fitted again.
+            let left = alike.iter().zip(&fitted).filter(|(_, rival)| rival.as_ref().is_none_or(|r| !is_told(r)));
+            let belief = |r: &Rival| (-behind(&r.fit).clamp(-TIE, TIE) / 2.0).exp();
+            let others: Vec<(String, f64)> =
+                left.map(|(&c, rival)| (candidates[c].name(), rival.as_ref().map_or(1.0, belief))).collect();
             let total: f64 = 1.0 + others.iter().map(|(_, belief)| belief).sum::<f64>();
             self.rivals.retain(|rival| !told.contains(&candidates[rival.candidate].name()));
             if self.rivals.len() < 2 {
