@@ -147,7 +147,7 @@ pub fn about_bounds(report: &DiagnoseReport) -> Vec<String> {
     let told = |what: &str, names: &[&str], advice: &str| {
         (!names.is_empty()).then(|| format!("{what}: {}; {advice}", names.join(", ")))
     };
-    let widen = "widen the bounds before relying on this result";
+    let widen = "what is named may not be all; freeze them if you know them, or widen the bounds";
     let no_further = "they cannot go further, so they may make up for something else: freeze them at what you know";
     told("at their bounds", &bounds, widen).into_iter().chain(told("at their limits", &limits, no_further)).collect()
 }

@@ -267,3 +267,26 @@ fn one_load_does_not_tell_whether_friction_grows_with_it_and_two_do() {
     assert_eq!(missing(&two), ["load_dependent_friction@slide"], "{two}");
     assert!(!with_alike(&two).iter().any(|x| x.starts_with("coulomb")), "{two}");
 }
+
+/// A row may hold a command and what was measured after it; and the recorder's clock may run at another rate.
+#[test]
+fn readings_ahead_of_commands_are_told_from_a_clock_of_another_rate() {
+    for (name, parameter, value) in [("encoder_lead", "lead", 0.02), ("clock_skew", "skew", 0.004)] {
+        let lab = Lab::new();
+        let arm = std::fs::read_to_string(robots().join("arm.toml")).unwrap();
+        lab.write("arm.urdf", &std::fs::read_to_string(robots().join("arm.urdf")).unwrap());
+        lab.write("arm.toml", &arm);
+        let hidden = format!("[[effects]]\neffect = \"{name}\"\nsite = \"*\"\n{parameter} = {value}\n\n[parameters]\n");
+        lab.write("real.toml", &arm.replacen("[parameters]\n", &hidden, 1));
+        for log in ["learn_1", "learn_2", "learn_3"] {
+            let commands = robots().join(format!("arm/{log}.csv"));
+            lab.ok(&format!("simulate real.toml --log {} --seed 7 -q -o {log}.csv", commands.display()));
+        }
+        let found = lab.json("diagnose arm.toml learn_1.csv learn_2.csv --held-out learn_3.csv");
+        let effects = found["effects"].as_array().unwrap();
+        assert_eq!((&found["verdict"], effects.len()), (&"effect_missing".into(), 1), "{found}");
+        assert_eq!(effects[0]["effect"], name);
+        let estimate = effects[0]["parameters"][0]["value"].as_f64().unwrap();
+        assert!((estimate / value - 1.0).abs() < 0.05, "{name}: {estimate}");
+    }
+}

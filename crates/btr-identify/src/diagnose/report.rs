@@ -88,11 +88,11 @@ pub enum Verdict {
 pub struct Evidence {
     /// The share of the squared error above the noise that it explains, on held-out logs if there are any.
     pub share: f64,
+    /// The same share on the training logs.
+    pub learnt_share: f64,
     /// The mean square error that it removes, in multiples of the noise's: on training or held-out logs, whichever is
     /// larger.
     pub removed: f64,
-    /// The same share on the training logs.
-    pub learnt_share: f64,
     /// Whether the share is of the error in the channel of its joint alone, as where the motion is prescribed.
     pub in_own_channel: bool,
     /// In how many logs, held-out ones included, the error is smaller with it...

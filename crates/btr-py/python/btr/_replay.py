@@ -59,8 +59,8 @@ def driven(model: Any, log: Log) -> dict[str, list[int]]:
 
 def run(mujoco: Any, model: Any, log: Log, stepper: Any, steps: int, period_s: float) -> dict[str, list[float]]:
     """Positions of the measured joints at the log's samples."""
-    commands = {joint: log[f"cmd_{joint}"] for joint in driven(model, log)}
     actuators, clock_s = driven(model, log), log.clock_s
+    commands = {joint: log[f"cmd_{joint}"] for joint in actuators}
     joints = [model.joint(j).name for j in range(model.njnt)]
     measured = [joint for joint in joints if joint and f"q_{joint}" in log]
     data = mujoco.MjData(model)

@@ -156,6 +156,7 @@ impl DiagnosisState {
                     if let Some(latest) = self.chosen.last_mut() {
                         latest.evidence.share += explained.share;
                         latest.evidence.learnt_share += explained.learnt_share;
+                        latest.evidence.removed += explained.removed;
                     }
                 }
                 None => index += 1,
