@@ -9,7 +9,6 @@ use crate::LadderStep;
 use crate::fit::residual_vector::{ResidualVector, chi, squares};
 use crate::fit::{FitPoint, LogSet, Objective};
 use crate::residual_model::CandidateKind;
-use nalgebra::DVector;
 use std::ops::Range;
 
 /// The mean square errors of a fit.
@@ -84,7 +83,7 @@ impl LogErrors {
 }
 
 /// The rows of each log of a set in its residual.
-fn rows(objective: &Objective, logs: LogSet) -> Vec<Range<usize>> {
+pub(super) fn rows(objective: &Objective, logs: LogSet) -> Vec<Range<usize>> {
     let mut start = 0;
     let rows = |&log: &usize| {
         let rows = start..start + objective.description.logs[log].rows();
@@ -98,28 +97,6 @@ fn rows(objective: &Objective, logs: LogSet) -> Vec<Range<usize>> {
 fn by_log(objective: &Objective, logs: LogSet, residual: Option<&ResidualVector>) -> Vec<f64> {
     let error = |rows| residual.map_or(f64::INFINITY, |residual| squares(&residual[rows]));
     rows(objective, logs).into_iter().map(error).collect()
-}
-
-/// The training log without which the size of a candidate changes most, and by what share of it: one Gauss-Newton step
-/// from the fit to all logs. `None` with one log alone.
-pub(super) fn leave_one_out(objective: &Objective, fit: &FitPoint, candidate: usize) -> Option<(usize, f64)> {
-    let (jacobian, logs) = (fit.jacobian.as_ref()?, rows(objective, LogSet::Learn));
-    if logs.len() < 2 {
-        return None;
-    }
-    let amplitudes = &objective.candidates()[candidate].amplitudes;
-    let curvature = fit.quadratic_model(objective, jacobian).curvature;
-    let without = |rows: Range<usize>| {
-        let of_log = jacobian.rows(rows.start, rows.len());
-        let gradient = of_log.tr_mul(&DVector::from_column_slice(&fit.residual[rows]));
-        let step = (&curvature - of_log.tr_mul(&of_log)).cholesky()?.solve(&gradient);
-        let changes = fit.active.iter().zip(step.iter()).filter(|(parameter, _)| amplitudes.contains(parameter));
-        let size = amplitudes.iter().map(|&parameter| fit.u[parameter].abs()).fold(0.0, f64::max);
-        Some(changes.map(|(_, by)| by.abs() / size).fold(0.0, f64::max))
-    };
-    let changes: Option<Vec<f64>> = logs.into_iter().map(without).collect();
-    let most = objective.logs(LogSet::Learn).iter().copied().zip(changes?).max_by(|(_, a), (_, b)| a.total_cmp(b));
-    most.filter(|(_, change)| change.is_finite())
 }
 
 /// The share of the mean square error above the noise, `at_first`, that is gone where it falls from `before` to

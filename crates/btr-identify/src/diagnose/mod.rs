@@ -210,10 +210,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
     let learnt = state.ladder.last().map_or(f64::INFINITY, |step| step.train);
     let integrator_error = state.fit.held_out_step_error(objective).max(state.integrator);
     let bound = NoiseBound { noise: objective.noise_bound(), roughly: objective.has_rough_floors() };
-    for found in &mut state.chosen {
-        let most = evidence::leave_one_out(objective, &state.fit, found.candidate);
-        (found.evidence.leave_one_out_log, found.evidence.leave_one_out_change) = most.unzip();
-    }
+    state.leave_one_out(objective);
     let verdict = match state.ladder.last() {
         Some(last) => evidence::weigh(last, state.unexplained_at_first.judged, bound, &mut state.chosen),
         None => Verdict::Unexplained,

@@ -89,10 +89,13 @@ pub(super) fn rivals(
     let (rivals, starts) = first_rivals(objective, state, second_looks, offered);
     let Some(leader) = rivals.first() else { return rivals };
     let hardly = leader.fit.squares() > HARDLY * state.fit.squares() && !objective.description.has_contact;
-    if leader.fit.squares() > MODEST * state.fit.squares() {
+    if !explains_most(state, &rivals) {
         drop_effect(objective, leader, state).into_iter().for_each(|drop_effect| state.follow(objective, drop_effect));
     }
-    let once_more = leaves_much(objective, &rivals) && !hardly && second_looks.allow(objective);
+    let once_more = leaves_much(objective, &rivals)
+        && !hardly
+        && !leaves_more_than(RUN_OFF, objective, state, &rivals)
+        && second_looks.allow(objective);
     let screened = if once_more { starts.as_slice() } else { &[] };
     let again = to_be_tried_again(objective, leader, &rivals, screened, offered);
     let others = from_the_leader(objective, state, leader, &again);
@@ -146,7 +149,7 @@ fn first_rivals(
     for look in if has_run_off { [Look::InWindows, Look::AtTheWhole] } else { [Look::AtTheWhole, Look::InWindows] } {
         let is_far = leaves_more_than(FAR, objective, state, &rivals);
         let is_needed = match look {
-            Look::AtTheWhole if has_run_off => is_far,
+            Look::AtTheWhole if has_run_off => is_far && !explains_most(state, &rivals),
             Look::AtTheWhole => rivals.first().is_none_or(|leader| state.leaves_something(objective, &leader.fit)),
             Look::InWindows => is_far && second_looks.allow(objective),
         };
@@ -221,6 +224,11 @@ fn leaves_much(objective: &Objective, rivals: &[Rival]) -> bool {
     rivals
         .first()
         .is_some_and(|leader| chi(leader.fit.squares(), objective.samples(LogSet::Learn)) > objective.noise_bound())
+}
+
+/// Whether the leader explains so much of the error that it is a step on the way, whatever it leaves.
+fn explains_most(state: &DiagnosisState, rivals: &[Rival]) -> bool {
+    rivals.first().is_some_and(|leader| leader.fit.squares() < MODEST * state.fit.squares())
 }
 
 /// Whether the leader, or the base where there is none, leaves an error above this many noise floors.

@@ -243,20 +243,44 @@ impl FitPoint {
     /// The damped Gauss-Newton step in the parameters that are not held at a bound. A parameter is held where the
     /// step would carry it over its bound; the gradient alone does not show that where parameters are correlated.
     fn direction(&self, parameters: &[FitParameter], normal: &QuadraticModel, damping: f64) -> Option<DVector<f64>> {
+        self.step_holding(parameters, normal, damping, |u, by, (least, most)| {
+            ((u <= least && by < 0.0) || (u >= most && by > 0.0)).then_some(0.0)
+        })
+    }
+
+    /// The Gauss-Newton step to the least squares within the bounds.
+    pub(crate) fn step_within_bounds(
+        &self,
+        parameters: &[FitParameter],
+        normal: &QuadraticModel,
+    ) -> Option<DVector<f64>> {
+        self.step_holding(parameters, normal, 0.0, |u, by, (least, most)| {
+            let end = u + by;
+            (end < least || end > most).then(|| end.clamp(least, most) - u)
+        })
+    }
+
+    /// A step in which more and more parameters are held: `hold` has the change at which one is held, from its
+    /// coordinate, the change that the step would make, and its bounds.
+    fn step_holding(
+        &self,
+        parameters: &[FitParameter],
+        normal: &QuadraticModel,
+        damping: f64,
+        hold: impl Fn(f64, f64, (f64, f64)) -> Option<f64>,
+    ) -> Option<DVector<f64>> {
         // No derivative leads down a stair.
         let is_stair = |k: &usize| parameters[*k].is_searched();
         let mut held: Vec<Option<f64>> = self.active.iter().map(|k| is_stair(k).then_some(0.0)).collect();
         loop {
             let step = normal.step(damping, &held)?;
-            let leaves = |k: usize| {
-                let (u, (least, most)) = (self.u[self.active[k]], parameters[self.active[k]].bounds);
-                (u <= least && step[k] < 0.0) || (u >= most && step[k] > 0.0)
-            };
-            let more: Vec<usize> = (0..held.len()).filter(|&k| held[k].is_none() && leaves(k)).collect();
+            let by = |k: usize| hold(self.u[self.active[k]], step[k], parameters[self.active[k]].bounds);
+            let free = (0..held.len()).filter(|&k| held[k].is_none());
+            let more: Vec<(usize, f64)> = free.filter_map(|k| Some((k, by(k)?))).collect();
             if more.is_empty() {
                 return Some(step);
             }
-            more.into_iter().for_each(|k| held[k] = Some(0.0));
+            more.into_iter().for_each(|(k, by)| held[k] = Some(by));
         }
     }
 

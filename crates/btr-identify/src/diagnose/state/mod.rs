@@ -1,5 +1,6 @@
 //! The state of a diagnosis: the effects found so far, and how an effect is added or dropped.
 
+mod leave_one_out;
 mod restart;
 
 use super::evidence::{LogErrors, MeanSquares};

@@ -110,6 +110,24 @@ impl<'a> Objective<'a> {
         Objective { step: self.step, rollouts: rollouts.into(), stop_signal, stoppable, ..other }
     }
 
+    /// The same objective without one of the training logs.
+    pub(crate) fn without_log(&self, log: usize) -> Self {
+        Objective {
+            model: self.model,
+            description: self.description.clone(),
+            learn: self.learn.iter().copied().filter(|other| *other != log).collect(),
+            held_out: self.held_out.clone(),
+            starts: self.starts.clone(),
+            step: self.step,
+            superposition: Superposition::default(),
+            judged: Judged::default(),
+            own_channels: OwnChannels::new(&self.description),
+            rollouts: self.rollouts().into(),
+            stop_signal: self.stop_signal.clone(),
+            stoppable: self.stoppable,
+        }
+    }
+
     /// The model with starts from the model at a point; see [`Derivation::WithStartsAt`]. `None` where that makes no
     /// difference.
     pub(crate) fn with_starts_at(&self, u: &[f64]) -> Option<Box<dyn ResidualModel>> {

@@ -14,13 +14,16 @@ const NEGLIGIBLE: f64 = 1e-3;
 const UNSEEN: f64 = 0.03;
 
 /// For each log, the responses of its windows to their start states.
+#[derive(Clone)]
 pub(in crate::fit) struct StartStates(Vec<Vec<StartWindow>>);
 
 /// The responses of some rows of a residual to their start state: orthonormal directions.
+#[derive(Clone)]
 struct StartWindow(Vec<Direction>);
 
 /// A direction of a residual, in its rows that are not 0 (a start may show in one limb alone), and the share of it that
 /// is projected out.
+#[derive(Clone)]
 struct Direction {
     rows: Vec<usize>,
     values: Vec<f64>,
