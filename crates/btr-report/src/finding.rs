@@ -67,7 +67,7 @@ pub fn capped(support: &Support) -> Option<String> {
     let reason = |reason: &CapReason| match reason {
         CapReason::UnstableSize => format!("its size changes by more than half without {log}"),
         CapReason::LittleExplained => "two simulators of one robot differ by as much as it explains".to_owned(),
-        CapReason::ParameterAtBound => "a free parameter ended at its bound".to_owned(),
+        CapReason::ParameterAtBound => "a free parameter ended at its bound (listed below)".to_owned(),
         CapReason::ErrorLeft => "an error is left, and another cause may be behind all of it".to_owned(),
         CapReason::LeftOver => "something is left for certain that it does not explain".to_owned(),
     };

@@ -2,6 +2,7 @@
 
 pub mod base_parameters;
 mod best_test;
+pub mod bounds;
 pub mod figures;
 pub mod finding;
 pub mod html;

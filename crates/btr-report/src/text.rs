@@ -133,25 +133,6 @@ pub fn removable(without_effect: &[String]) -> Option<String> {
     ))
 }
 
-/// What to do about parameters at bounds that may keep them from a better value: not those of effects that ended at
-/// nothing.
-pub fn about_bounds(report: &DiagnoseReport) -> Vec<String> {
-    let is_of = |name: &str, idle: &str| {
-        let (effect, site) = idle.split_once('@').unwrap_or((idle, "*"));
-        name.starts_with(&format!("{effect}.")) && name.ends_with(&format!("@{site}"))
-    };
-    let names = report.at_bound.iter().map(String::as_str);
-    let names = names.filter(|name| !report.without_effect.iter().any(|idle| is_of(name, idle)));
-    let (limits, bounds): (Vec<&str>, Vec<&str>) =
-        names.partition(|name| report.at_limit.iter().any(|limit| limit == name));
-    let told = |what: &str, names: &[&str], advice: &str| {
-        (!names.is_empty()).then(|| format!("{what}: {}; {advice}", names.join(", ")))
-    };
-    let widen = "what is named may not be all; freeze them if you know them, or widen the bounds";
-    let no_further = "they cannot go further, so they may make up for something else: freeze them at what you know";
-    told("at their bounds", &bounds, widen).into_iter().chain(told("at their limits", &limits, no_further)).collect()
-}
-
 /// Header of a table of fitted parameters.
 pub const FITTED: [&str; 6] = ["parameter", "in the model", "fitted", "unit", "95 % interval", "moved"];
 

@@ -166,7 +166,7 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject, interru
     note(&btr_report::text::floors(&report.noise_floor));
     common::show_repeatability(&report.noise_floor, &report.remaining);
     note(&btr_report::text::integrator(report.integrator_error, report.time_step_s));
-    btr_report::text::about_bounds(report).iter().for_each(|sentence| say(Tone::Doubtful, sentence));
+    btr_report::bounds::about_bounds(report).iter().for_each(|sentence| say(Tone::Doubtful, sentence));
     btr_report::text::removable(&report.without_effect).iter().for_each(|sentence| note(sentence));
     note(&format!("{} rollouts in {} s", report.rollouts, number(report.seconds)));
     let on = diagnose_command(report, subject, args.output.as_deref());

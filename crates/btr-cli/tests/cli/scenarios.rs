@@ -290,3 +290,22 @@ fn readings_ahead_of_commands_are_told_from_a_clock_of_another_rate() {
         assert!((estimate / value - 1.0).abs() < 0.05, "{name}: {estimate}");
     }
 }
+
+#[test]
+fn a_finding_that_adds_to_a_free_parameter_is_told() {
+    let lab = Lab::new();
+    let arm = std::fs::read_to_string(robots().join("arm.toml")).unwrap();
+    lab.write("arm.urdf", &std::fs::read_to_string(robots().join("arm.urdf")).unwrap());
+    let model = |before: &str, free: &str| arm.replacen("[parameters]\n", &format!("{before}[parameters]\n{free}"), 1);
+    let damping = "\"damping@shoulder\" = { bounds = [0.0, 0.05] }\n";
+    lab.write("arm.toml", &model("", damping));
+    let hidden = "[[effects]]\neffect = \"viscous_friction\"\nsite = \"shoulder\"\ncoefficient = 0.6\n\n";
+    lab.write("real.toml", &model(hidden, ""));
+    for log in ["learn_1", "learn_2"] {
+        let commands = robots().join(format!("arm/{log}.csv"));
+        lab.ok(&format!("simulate real.toml --log {} --seed 7 -q -o {log}.csv", commands.display()));
+    }
+    let told = lab.ok("diagnose arm.toml learn_1.csv --held-out learn_2.csv");
+    let sentence = "viscous_friction.coefficient@shoulder adds to damping@shoulder, which is free";
+    assert!(told.contains(sentence), "{told}");
+}

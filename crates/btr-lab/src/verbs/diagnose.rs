@@ -1,5 +1,6 @@
 //! `diagnose`: which physical effect is missing.
 
+use super::adds_to::adds_to;
 use super::diagnose_report::{DiagnoseReport, LawReport, grouped, wrong_values};
 use super::stated_low::stated_low;
 use crate::experiment::Source;
@@ -142,6 +143,7 @@ pub fn diagnose(
         with_prior: input.with_prior(),
         at_bound: diagnosis.at_bound.clone(),
         at_limit: input.at_limits(input.values(&diagnosis.fit), is_at_bound),
+        adds_to: adds_to(input, &diagnosis.effects),
         without_effect: input.idle_effects(input.values(&diagnosis.fit), is_at_bound),
         cut_short: diagnosis.cut_short,
         rollouts: diagnosis.rollouts,

@@ -1,5 +1,6 @@
 //! The document of `diagnose`.
 
+use super::adds_to::AddsTo;
 use super::next_experiment::NextExperiment;
 use crate::experiment::LeftOutLog;
 use crate::identification::{Doubt, ErrorUnit, FittedGlitch, NoiseFloor, VerbInput};
@@ -234,6 +235,9 @@ pub struct DiagnoseReport {
     /// Those of them whose bound is one of physics, such as a friction of 0: it cannot be wider.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub at_limit: Vec<String>,
+    /// Findings that add to a free parameter: the size of either depends on that parameter's bounds.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub adds_to: Vec<AddsTo>,
     /// Effects of the model, as `effect@site`, whose fitted values are those at which they do nothing.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub without_effect: Vec<String>,

@@ -1,6 +1,7 @@
 //! The operations of the command line and of Python on a model and its logs: check, compare, diagnose, fit, add
 //! effects.
 
+mod adds_to;
 mod base_parameters;
 mod check;
 mod compare;
@@ -19,6 +20,7 @@ pub use crate::identification::{
 pub use crate::log_quality::in_common::{CommonFinding, in_common};
 pub use crate::log_quality::repeats::{Drift, RepeatReport, RepeatedChannel, RepeatedRegime, RunOutlier};
 pub use crate::model_text::{AddError, Addition, OwnLaw, OwnNumber, add, add_law};
+pub use adds_to::AddsTo;
 pub use base_parameters::{BaseReport, PossibleBody, PossibleReport, base_parameters};
 pub use check::{CheckReport, DeadTimeReport, IdentifiabilityReport, check};
 pub use compare::{Cause, CauseKind, CompareReport, CompareVerdict, JointVerdict, compare, compare_pairs};

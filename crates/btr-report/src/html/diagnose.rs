@@ -4,12 +4,13 @@ use super::candidates::{base, candidates};
 use super::ladder::{After, fall, fine_print};
 use super::page::{Block, Report, Section};
 use crate::Subject;
+use crate::bounds::about_bounds;
 use crate::finding::{capped, evidence, helps, likelihood, rivals};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
 use crate::text::{
-    CORRECTED, ESTIMATES, about_bounds, alike, corrected, estimate, findings, fit_command, integrator, remedy,
-    removable, stand_in, what_remains,
+    CORRECTED, ESTIMATES, alike, corrected, estimate, findings, fit_command, integrator, remedy, removable, stand_in,
+    what_remains,
 };
 use btr_core::log::Log;
 use btr_identify::LadderStep;

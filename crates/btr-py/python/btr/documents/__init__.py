@@ -60,6 +60,7 @@ from btr.documents._compare import (
     RegimeFailure,
 )
 from btr.documents._diagnose import (
+    AddsTo,
     CorrectedValue,
     EffectReport,
     LawReport,
@@ -97,6 +98,7 @@ from btr.documents._tests import Done, Failed, Generation, MapReport, Promise, T
 from btr.documents._record import Record
 
 __all__ = [
+    "AddsTo",
     "Augmentation",
     "BaseParameters",
     "Belief",

@@ -86,6 +86,15 @@ class ValueReport(Support):
     """The values; their names are arguments of `add` and `fit`."""
 
 
+class AddsTo(Record):
+    """A finding that adds to a free parameter: the size of either depends on that parameter's bounds."""
+
+    found: str
+    """The parameter of the finding."""
+    free: str
+    """The free parameter."""
+
+
 class StandIn(Record):
     """A free parameter that may stand in for an effect."""
 

@@ -74,6 +74,8 @@ class DiagnoseResult(Reported):
     """Free parameters that ended at a bound; the bounds may cause the remaining error."""
     at_limit: list[str]
     """Those of them whose bound is one of physics, such as a friction of 0: it cannot be wider."""
+    adds_to: list[doc.AddsTo]
+    """Findings that add to a free parameter: the size of either depends on that parameter's bounds."""
     without_effect: list[str]
     """Effects of the model, as `effect@site`, whose fitted values are those at which they do nothing."""
     cut_short: bool
