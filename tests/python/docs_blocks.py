@@ -37,7 +37,7 @@ REASONS = {
     "robot": 1,  # moves a robot
     "yours": 2,  # needs files of the reader
     "cluster": 1,  # needs several machines
-    "page": 1,  # serves a page until Ctrl-C
+    "page": 2,  # serves a page until Ctrl-C
     "long": 6,  # takes minutes, or is a study
 }
 LANGUAGES = {"sh", "console", "python", "toml", "text", "xml"}

@@ -1,5 +1,7 @@
-"""The studio in a browser, as an engineer uses it: look, ask what is missing, add it, save the model."""
+"""The studio in a browser, as an engineer uses it: look, ask what is missing, add it, save the model; watch a run."""
 
+import contextlib
+import os
 import re
 import shutil
 import signal
@@ -43,8 +45,9 @@ def address(tmp_path: Path) -> Iterator[str]:
         assert process.wait(30) == 0
 
 
-@pytest.fixture
-def page(address: str) -> Iterator["playwright.Page"]:
+@contextlib.contextmanager
+def opened(address: str) -> Iterator["playwright.Page"]:
+    """A browser at the page, which must not fail, say anything or ask any other place."""
     with playwright.sync_playwright() as started:
         browser = started.chromium.launch(executable_path=found(), args=FLAGS + QUIET)
         page = browser.new_page(viewport={"width": 1050, "height": 700})
@@ -58,6 +61,12 @@ def page(address: str) -> Iterator["playwright.Page"]:
         yield page
         assert page.failures == []
         browser.close()
+
+
+@pytest.fixture
+def page(address: str) -> Iterator["playwright.Page"]:
+    with opened(address) as page:
+        yield page
 
 
 def errors(page: "playwright.Page") -> list[float]:
@@ -101,3 +110,58 @@ def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_p
     page.get_by_role("button", name="Undo", exact=True).click()
     page.get_by_text("x the noise floor (").first.wait_for()
     assert min(errors(page)) > 5.0
+
+
+@contextlib.contextmanager
+def run_shown(folder: Path) -> Iterator[tuple[subprocess.Popen, str]]:
+    """A small run that `btr coevolve` computes and shows, and the address of its page."""
+    short = ["coevolve.iterations=2", "coevolve.controllers.generations=2", "coevolve.simulators.generations=3"]
+    settings = [word for setting in short for word in ("--set", setting)]
+    command = ["coevolve", str(ROBOTS / "disengage.toml"), "--out", str(folder), "--studio", "--json", *settings]
+    program = [sys.executable, "-m", "btr", *command]
+    # The browser that the page would be opened in.
+    environment = {**os.environ, "BROWSER": "true"}
+    pipe = subprocess.PIPE
+    with subprocess.Popen(program, stdout=pipe, stderr=pipe, text=True, env=environment) as process:
+        assert process.stderr is not None
+        try:
+            yield process, next(line.split()[-1] for line in process.stderr if line.startswith("btr studio: "))
+        finally:
+            process.kill()
+
+
+def test_a_run_and_its_page(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    with run_shown(folder) as (process, address):
+        with opened(address) as page:
+            page.get_by_text("stopped: iterations done").wait_for()
+            page.get_by_text("truth, revealed").wait_for()
+            page.get_by_text("hidden effects: coulomb_friction@hinge").wait_for()
+            shown = page.get_by_role("combobox", name="Shown")
+            playwright.expect(shown).to_have_value("all side by side")
+            page.get_by_role("button", name="Play", exact=True).click()
+            time = page.get_by_text("Time (s)", exact=True).locator("xpath=following::input[@inputmode='decimal'][1]")
+            playwright.expect(time).not_to_have_value("0", timeout=PATIENCE_MS)
+            page.get_by_role("button", name="Pause", exact=True).click()
+            shown.click()
+            page.get_by_role("option", name="test 0 (iteration 1)").click()
+            page.get_by_text("simulated after", exact=True).wait_for()
+            channel = page.get_by_role("combobox", name="Channel")
+            playwright.expect(channel).to_have_value("q_hinge")
+            (folder / "checkpoint.bin").write_bytes(b"damaged")
+            page.get_by_text("cannot be used: it does not begin as a checkpoint").wait_for()
+            assert page.get_by_text("stopped: iterations done").count() == 1, "what was known stays"
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+        assert '"stop_reason":"iterations_done"' in process.stdout.read()
+
+
+def test_a_page_that_cannot_be_served_does_not_end_the_run(tmp_path: Path) -> None:
+    command = ["coevolve", str(ROBOTS / "disengage.toml"), "--out", str(tmp_path), "--studio", "--json"]
+    settings = ["--set", "coevolve.iterations=1", "--set", "coevolve.simulators.generations=1"]
+    environment = {**os.environ, "BTR_PYTHON": str(tmp_path / "gone-python")}
+    program = [sys.executable, "-m", "btr", *command, *settings]
+    ended = subprocess.run(program, capture_output=True, text=True, env=environment, timeout=120)
+    assert ended.returncode == 0
+    assert "warning: the studio is served by Python" in ended.stderr
+    assert '"stop_reason":"iterations_done"' in ended.stdout

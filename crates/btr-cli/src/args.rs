@@ -119,10 +119,11 @@ pub(crate) enum Verb {
         A file that is changed keeps its comments and its layout. What a format cannot say is told, and its effects\n\
         are written as JSON beside the output (OUT.effects.json).")]
     Export(ExportArgs),
-    /// Do all that on a local page: compare, diagnose, add, fit, save
+    /// Do all that on a local page: compare, diagnose, add, fit, save; or watch a run
     #[command(
-        override_usage = held_out_usage!("studio"),
-        after_help = "Example:\n  btr studio robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv\n\n\
+        override_usage = concat!(held_out_usage!("studio"), "\n       btr studio [OPTIONS] <RUN>"),
+        after_help = "Examples:\n  btr studio robots/arm.toml robots/arm/learn_*.csv --held-out robots/arm/held_out_*.csv\n  \
+        btr studio runs/nao\n\n\
         Needs Python with btr[studio]. Only browsers that open the printed address are answered; Ctrl-C ends it."
     )]
     Studio(StudioArgs),
@@ -176,6 +177,9 @@ pub(crate) struct CoevolveArgs {
     /// Check the experiment and print its plan without running it
     #[arg(long)]
     pub(crate) dry_run: bool,
+    /// Show the run on a local page as it grows, until Ctrl-C (needs Python with btr[studio])
+    #[arg(long)]
+    pub(crate) studio: bool,
 }
 
 #[derive(ClapArgs)]
@@ -381,14 +385,17 @@ pub(crate) struct FitArgs {
 
 #[derive(ClapArgs)]
 pub(crate) struct StudioArgs {
-    /// The model (TOML)
+    /// The model (TOML), or the folder of a run of `btr coevolve`
     pub(crate) model: PathBuf,
-    /// Training logs (MCAP or CSV)
-    #[arg(required = true, value_name = "LOG")]
+    /// Training logs (MCAP or CSV); none for a run
+    #[arg(value_name = "LOG")]
     pub(crate) logs: Vec<PathBuf>,
     /// Held-out logs, which are not fitted; put this option after MODEL and LOG: it takes all arguments that follow
     #[arg(long, num_args = 1.., value_name = "LOG")]
     pub(crate) held_out: Vec<PathBuf>,
+    /// The file that a run began with, if it names others, such as a URDF
+    #[arg(long, value_name = "FILE")]
+    pub(crate) experiment: Option<PathBuf>,
     /// Where the page saves models, reports and scripts [default: here]
     #[arg(long, value_name = "DIR")]
     pub(crate) folder: Option<PathBuf>,

@@ -8,11 +8,14 @@ use btr_core::coevolve::{Coevolution, StepOutcome};
 use btr_identify::LadderStep;
 use btr_lab::execution::ExecutionContext;
 use btr_lab::experiment::Experiment;
+use btr_lab::failure::Failure;
 use btr_lab::reality::{RobotFunction, TestFailure, TestRequest};
+use btr_lab::run::Snapshot;
 use btr_lab::run::execute;
 use btr_lab::run::execute::{RunObserver, RunStart};
 use btr_report::figures;
 use pyo3::prelude::*;
+use serde_json::json;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -64,6 +67,13 @@ pub(crate) fn coevolve(
         (None, Some(what)) if asked => Err(raised(what, None)),
         (None, _) => Ok(document),
     }
+}
+
+/// The run in a folder as its last checkpoint has it, as JSON. Nothing there is written or locked.
+#[pyfunction]
+pub(crate) fn snapshot(py: Python<'_>, folder: PathBuf) -> PyResult<String> {
+    let read = || Snapshot::read(&folder).map_err(|error| Failure::from(error).raise());
+    py.detach(|| Ok(json!(read()?).to_string()))
 }
 
 /// A Python function as a robot. What it raises, but `TestFailed`, ends the run, which can be resumed with the same

@@ -44,6 +44,7 @@ fn _btr(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(verbs::fit, module)?)?;
     module.add_class::<work::Payload>()?;
     module.add_function(wrap_pyfunction!(coevolve::coevolve, module)?)?;
+    module.add_function(wrap_pyfunction!(coevolve::snapshot, module)?)?;
     module.add_function(wrap_pyfunction!(work::forked, module)?)?;
     module.add_function(wrap_pyfunction!(work::serve, module)?)?;
     module.add_function(wrap_pyfunction!(page::write_report, module)?)?;

@@ -134,10 +134,10 @@ pub(crate) fn tell_left_out(left_out: &[LeftOutLog], global: &Global) {
     }
 }
 
-/// Handles Ctrl-C and SIGTERM: the first one sets the flag, interrupts the work and says what is done now, the second
-/// one stops as soon as no program moves the robot.
+/// Handles Ctrl-C and SIGTERM: the first one sets the flag, interrupts the work and says what is done then, the
+/// second one stops as soon as no program moves the robot.
 pub(crate) fn watch_for_interrupts(
-    now: &'static str,
+    then: impl Fn() -> &'static str + Send + 'static,
     context: Arc<ExecutionContext>,
 ) -> Result<Arc<AtomicBool>, Failure> {
     let interrupted = Arc::new(AtomicBool::new(false));
@@ -151,7 +151,7 @@ pub(crate) fn watch_for_interrupts(
         }
         // In the place of a status line. The terminal may be gone.
         let over = if std::io::stderr().is_terminal() { "\r\x1b[2K" } else { "\n" };
-        let _ = writeln!(std::io::stderr(), "{over}{now}; press again to stop at once");
+        let _ = writeln!(std::io::stderr(), "{over}{}; press again to stop at once", then());
     })
     .map_err(|e| Failure::new("signal", e.to_string(), None))?;
     Ok(interrupted)

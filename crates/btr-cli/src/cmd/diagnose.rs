@@ -44,7 +44,7 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     let question = input.options(args.max_effects, args.max_rollouts);
     let unit = input.error_unit();
     forecast(&input, question.max_rollouts, global);
-    let interrupted = watch_for_interrupts("finishing with the best so far", Arc::default())?;
+    let interrupted = watch_for_interrupts(|| "finishing with the best so far", Arc::default())?;
     let (flag, deadline) = (interrupted.clone(), args.max_time.map(|time| Instant::now() + time));
     let stop_signal =
         Arc::new(move || flag.load(Ordering::Relaxed) || deadline.is_some_and(|deadline| Instant::now() >= deadline));

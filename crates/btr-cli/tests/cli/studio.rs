@@ -68,6 +68,31 @@ fn arguments_and_the_exit_code_are_passed_on() {
 
 #[test]
 #[cfg(unix)]
+fn a_run_is_shown_by_its_folder() {
+    let lab = Lab::new();
+    let python = script(&lab, "[ $1 = -c ] && exit 0; echo \"$@\"");
+    std::fs::create_dir(lab.path("empty")).unwrap();
+    let told = text(&studio(&lab, "empty", &python).stderr);
+    assert!(told.starts_with("error: empty contains no run of an experiment\nhelp: name the folder"), "{told}");
+    lab.ok("coevolve small.toml --out run -q --set coevolve.iterations=1");
+    let output = studio(&lab, "run --experiment small.toml --port 0", &python);
+    assert_eq!(text(&output.stdout), "-m btr._studio run --experiment small.toml --port 0\n");
+    std::fs::write(lab.path("run/checkpoint.bin"), "damaged").unwrap();
+    let told = text(&studio(&lab, "run", &python).stderr);
+    assert!(told.contains("cannot be used: it does not begin as a checkpoint"), "{told}");
+}
+
+#[test]
+fn a_model_without_a_log_has_no_page() {
+    let lab = Lab::new();
+    for (arguments, help) in [("small.toml", "name at least one"), ("small.toml --held-out a.csv", "put the logs")] {
+        let told = text(&studio(&lab, arguments, "gone-python").stderr);
+        assert!(told.starts_with("error: no log is given\nhelp: ") && told.contains(help), "{told}");
+    }
+}
+
+#[test]
+#[cfg(unix)]
 fn what_the_page_would_ignore_is_refused() {
     let lab = Lab::new();
     let python = script(&lab, "exit 0");

@@ -46,6 +46,11 @@ pub(super) struct Enlargement {
 }
 
 impl Enlargement {
+    /// The last diagnosis of the disengagement, if there was one.
+    pub(super) fn cause(&self) -> Option<&Cause> {
+        self.cause.as_ref()
+    }
+
     /// Whether the explanation is one of its own space.
     pub(super) fn is_whole(&self) -> bool {
         self.explanation.as_ref().is_none_or(|known| known.estimated.belief.is_of(known.space.len()))
@@ -159,7 +164,7 @@ impl Run {
 
     /// The last diagnosis of the disengagement, if there was one.
     pub fn cause(&self) -> Option<&Cause> {
-        self.larger.cause.as_ref()
+        self.larger.cause()
     }
 
     /// The state of the loop.

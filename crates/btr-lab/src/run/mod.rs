@@ -16,4 +16,5 @@ mod resume;
 mod run_error;
 
 pub use folder::Run;
+pub use resume::Snapshot;
 pub use run_error::RunError;

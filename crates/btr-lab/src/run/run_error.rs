@@ -51,6 +51,9 @@ pub enum RunError {
     /// The folder contains no run to resume.
     #[error("{} contains no run to resume", .0.display())]
     NoRun(PathBuf),
+    /// The folder contains no run to show.
+    #[error("{} contains no run of an experiment", .0.display())]
+    NotARun(PathBuf),
     /// The experiment is not the one the run began with.
     #[error("the experiment differs from the one that {} was started with", .0.display())]
     OtherExperiment(PathBuf),
@@ -124,6 +127,7 @@ impl RunError {
                 let there = format!(" {} as ", rescued.display());
                 Text::from("resume the run there: ") + Mention::Resume + " with" + there + Mention::Out
             }
+            RunError::NotARun(_) => "name the folder that a run of the loop writes, with checkpoint.bin in it".into(),
             RunError::NoRun(_) => Text::from("start it without ") + Mention::Resume,
             RunError::OtherExperiment(folder) => {
                 let shows = format!(" that {} shows", folder.join("experiment.toml").display());

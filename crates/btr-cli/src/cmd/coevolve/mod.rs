@@ -9,6 +9,7 @@ mod truth;
 
 use super::common::watch_for_interrupts;
 use crate::args::{CoevolveArgs, Global};
+use crate::cmd::models::studio::RunPage;
 use crate::exit::{DONE, INTERRUPTED, MISSED};
 use crate::progress::Progress;
 use crate::status::ladder_line;
@@ -41,21 +42,43 @@ pub(crate) fn run(args: &CoevolveArgs, global: &Global) -> Result<u8, Failure> {
     if args.dry_run {
         return dry_run(&experiment, &folder, global);
     }
-    let interrupted = watch_for_interrupts("ending a real test, or finishing the step", experiment.context.clone())?;
-    let mut watcher = Watcher { global, interrupted, progress: None };
+    let shown = Arc::new(AtomicBool::new(false));
+    let interrupted = watch_for_interrupts(while_interrupted(shown.clone()), experiment.context.clone())?;
+    let page_request = args.studio.then(|| PageRequest { folder: &folder, experiment: &args.experiment });
+    let mut watcher = Watcher { global, interrupted: interrupted.clone(), progress: None, page_request, page: None };
     if !global.quiet {
         experiment.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     }
     let start = if args.resume { RunStart::Resume } else { RunStart::Begin };
     let ended = execute::coevolve(&mut experiment, &folder, start, &mut watcher);
     watcher.finish();
-    match ended? {
+    let page = watcher.page;
+    let code = match ended? {
         Some(mut ended) => {
             ended.files.extend(figures::write(&experiment, &ended.run, &ended.report)?);
-            finish(&ended, args, global)
+            finish(&ended, args, global)?
         }
-        None => Ok(say_interrupted(args, &folder)),
+        None => say_interrupted(args, &folder),
+    };
+    if let Some(page) = page {
+        shown.store(true, Ordering::Relaxed);
+        page.wait(|| interrupted.load(Ordering::Relaxed));
     }
+    Ok(code)
+}
+
+/// What is done on Ctrl-C: the run ends, or its page where it has ended and is only `shown`.
+fn while_interrupted(shown: Arc<AtomicBool>) -> impl Fn() -> &'static str {
+    move || match shown.load(Ordering::Relaxed) {
+        true => "ending the page",
+        false => "ending a real test, or finishing the step",
+    }
+}
+
+/// A page that shows the run.
+struct PageRequest<'a> {
+    folder: &'a Path,
+    experiment: &'a Path,
 }
 
 /// Shows a run on stderr.
@@ -63,6 +86,9 @@ struct Watcher<'a> {
     global: &'a Global,
     interrupted: Arc<AtomicBool>,
     progress: Option<Progress>,
+    /// The page that is asked for and was not begun.
+    page_request: Option<PageRequest<'a>>,
+    page: Option<RunPage>,
 }
 
 impl Watcher<'_> {
@@ -75,6 +101,13 @@ impl RunObserver for Watcher<'_> {
     fn begins(&mut self, experiment: &Experiment, run: &Coevolution) {
         self.finish();
         self.progress = Some(Progress::new(experiment.model.clone(), run, self.global));
+        if let Some(PageRequest { folder, experiment }) = self.page_request.take() {
+            // A run does not fail because nobody sees it.
+            match RunPage::open(folder, experiment) {
+                Ok(page) => self.page = Some(page),
+                Err(why) => self.warn(&why.message.to_string()),
+            }
+        }
     }
 
     fn step(&mut self, run: &Coevolution, step: Option<&StepOutcome>) {

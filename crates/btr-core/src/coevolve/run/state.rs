@@ -93,3 +93,52 @@ pub struct RunState {
     /// phi of s_i on the tests that count.
     pub(super) phi: Option<f64>,
 }
+
+impl RunState {
+    /// Records of generations and iterations so far.
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// Every real test so far, without behaviours.
+    pub fn ledger(&self) -> &Ledger {
+        &self.ledger
+    }
+
+    /// The simulation the run began with, in the units of S.
+    pub fn start(&self) -> &[f64] {
+        &self.start
+    }
+
+    /// The iteration being worked on, from 1.
+    pub fn iteration(&self) -> usize {
+        self.iteration
+    }
+
+    /// Number of simulations so far.
+    pub fn cost(&self) -> Cost {
+        self.cost
+    }
+
+    /// What the next step does, in words.
+    pub fn activity(&self) -> &'static str {
+        match self.phase {
+            Phase::Begin | Phase::Enlarged(_) => "beginning an iteration",
+            Phase::Map { .. } => "filling the map of controllers",
+            Phase::Controllers { .. } => "searching controllers in simulation",
+            Phase::Transfer { .. } => "testing in reality",
+            Phase::Simulators { .. } | Phase::Refine { .. } => "searching simulations",
+            Phase::Estimate(_) => "estimating the simulation",
+            Phase::End => "ending an iteration",
+            Phase::Stopped(_) => "stopped",
+        }
+    }
+
+    /// Why the run is over; `None` while it is not.
+    pub fn stop_reason(&self) -> Option<&StopReason> {
+        match &self.phase {
+            Phase::Stopped(reason) => Some(reason),
+            _ => None,
+        }
+    }
+}

@@ -14,24 +14,26 @@ from btr.results import CompareResult
 
 Ladder = Sequence[tuple[str, float, Union[float, None]]]
 
-_MUTED = "color:#6b7280"
-_SMALL = f"font-size:12px;line-height:1.45;{_MUTED}"
+MUTED = "color:#6b7280"
+SMALL = f"font-size:12px;line-height:1.45;{MUTED}"
 _MOST_FLOORS = 100.0
 _MOST_SENTENCES = 3
 
 
-def _css(colour: Colour) -> str:
+def css(colour: Colour) -> str:
+    """A colour in CSS."""
     return f"rgb({colour[0]},{colour[1]},{colour[2]})"
 
 
-def _box(content: str, style: str = "") -> str:
+def box(content: str, style: str = "") -> str:
+    """A paragraph of the page; its content is HTML."""
     return f'<div style="padding:4px 10px;font-size:13px;line-height:1.45;{style}">{content}</div>'
 
 
 def _bar(error: float, colour: Colour) -> str:
     """A bar of an error on a logarithmic scale from 0.5 to 100 noise floors, with a mark at 1."""
     share = 100 * _share(error)
-    bar = f'<div style="width:{share:.1f}%;height:100%;background:{_css(colour)};border-radius:3px"></div>'
+    bar = f'<div style="width:{share:.1f}%;height:100%;background:{css(colour)};border-radius:3px"></div>'
     place = f"position:absolute;left:{100 * _share(1.0):.1f}%;top:-2px;bottom:-2px;border-left:2px solid #111827"
     frame = "position:relative;height:10px;background:#e5e7eb;border-radius:3px;margin:2px 0"
     return f'<div style="{frame}">{bar}<div style="{place}"></div></div>'
@@ -50,32 +52,33 @@ def _floors(error: Union[float, None]) -> str:
 
 def head(model: str, step: str, learn: Union[float, None], held_out: Union[float, None]) -> str:
     """The model, what was done last, and its errors."""
-    title = f'<b style="font-size:15px">{escape(model)}</b> <span style="{_MUTED}">{escape(step)}</span>'
+    title = f'<b style="font-size:15px">{escape(model)}</b> <span style="{MUTED}">{escape(step)}</span>'
     rows = "".join(
-        f'<div style="display:flex;align-items:baseline;gap:8px"><span style="width:92px;{_MUTED}">{name}</span>'
+        f'<div style="display:flex;align-items:baseline;gap:8px"><span style="width:92px;{MUTED}">{name}</span>'
         f'<b style="font-size:18px;width:62px">{_floors(error)}</b>'
         f'<div style="flex:1">{_bar(error, colour_of(error))}</div></div>'
         for name, error in (("training logs", learn), ("held-out logs", held_out))
         if error is not None
     )
-    scale = f'<div style="{_SMALL};text-align:right">error in noise floors; the mark is the noise itself</div>'
-    return _box(title + (rows + scale if rows else f'<div style="{_SMALL}">no error in noise floors so far</div>'))
+    scale = f'<div style="{SMALL};text-align:right">error in noise floors; the mark is the noise itself</div>'
+    return box(title + (rows + scale if rows else f'<div style="{SMALL}">no error in noise floors so far</div>'))
 
 
 def legend() -> str:
     """What the colours of the robots mean."""
     names = [f"&le;&thinsp;{most:g}" if math.isfinite(most) else "more" for most, _ in STEPS]
-    chips = "".join(_chip(_css(colour), name) for name, (_, colour) in zip(names, STEPS))
-    robots = _chip(_css(BODY), "measured") + _chip(_css(GHOST), "model")
-    return _box(f'{robots}<br><span style="{_SMALL}">joints, in noise floors now: </span>{chips}', "font-size:12px")
+    chips = "".join(chip(css(colour), name) for name, (_, colour) in zip(names, STEPS))
+    robots = chip(css(BODY), "measured") + chip(css(GHOST), "model")
+    return box(f'{robots}<br><span style="{SMALL}">joints, in noise floors now: </span>{chips}', "font-size:12px")
 
 
 def lines(inks: Mapping[str, str]) -> str:
     """What the lines of a plot mean: names with their colours in CSS."""
-    return _box("".join(_chip(ink, escape(name)) for name, ink in inks.items()), "font-size:12px;padding-bottom:0")
+    return box("".join(chip(ink, escape(name)) for name, ink in inks.items()), "font-size:12px;padding-bottom:0")
 
 
-def _chip(colour: str, name: str) -> str:
+def chip(colour: str, name: str) -> str:
+    """A square of a colour in CSS, and what it means, in HTML."""
     square = f"display:inline-block;width:10px;height:10px;border-radius:2px;background:{colour};margin-right:4px"
     return f'<span style="margin-right:10px;white-space:nowrap"><span style="{square}"></span>{name}</span>'
 
@@ -84,19 +87,19 @@ def ladder(steps: Ladder, status: str) -> str:
     """The error ladder so far, and what is going on."""
     rows = ""
     for name, train, held in steps:
-        beside = "" if held is None else f'<span style="{_MUTED}"> / {_floors(held)} held out</span>'
+        beside = "" if held is None else f'<span style="{MUTED}"> / {_floors(held)} held out</span>'
         error = f"<b>{_floors(train)}</b>{beside}{_bar(train, colour_of(train))}"
         rows += f'<div style="margin-top:3px">{escape(name)} {error}</div>'
-    return _box(f'{rows}<div style="{_SMALL}">{escape(status)}</div>')
+    return box(f'{rows}<div style="{SMALL}">{escape(status)}</div>')
 
 
 def sentence(comparison: Union[CompareResult, None]) -> str:
     """What `compare` says first, and what it warns of."""
     if comparison is None:
-        return _box("comparing ...", _MUTED)
+        return box("comparing ...", MUTED)
     worst, *others = map(escape, comparison.verdict.sentences[:_MOST_SENTENCES])
     warnings = [*comparison.warnings, *(f"no log measures {joint}" for joint in comparison.not_judged)]
-    return _box("<br>".join([f"<b>{worst}</b>", *others])) + "".join(map(note, warnings))
+    return box("<br>".join([f"<b>{worst}</b>", *others])) + "".join(map(note, warnings))
 
 
 def regimes(comparison: Union[CompareResult, None], joints: Sequence[str]) -> str:
@@ -117,13 +120,13 @@ def regimes(comparison: Union[CompareResult, None], joints: Sequence[str]) -> st
         body += f'<tr><td style="white-space:nowrap">{escape(regime.replace("_", " "))}</td>{cells}</tr>'
     style = "border-collapse:separate;border-spacing:2px;font-size:12px"
     table = f'<table style="{style}"><tr><th></th>{top}</tr>{body}</table>'
-    return _box(f'<div style="overflow-x:auto">{table}</div>')
+    return box(f'<div style="overflow-x:auto">{table}</div>')
 
 
 def _cell(failure: RegimeFailure) -> str:
     # JSON has no infinite number.
     chi = math.inf if failure.chi is None else failure.chi
-    style = f"background:{_css(colour_of(chi))};color:#111827;text-align:center;border-radius:3px;padding:1px 8px"
+    style = f"background:{css(colour_of(chi))};color:#111827;text-align:center;border-radius:3px;padding:1px 8px"
     return f'<td style="{style}" title="{escape(failure.hint)}">{_floors(chi)}</td>'
 
 
@@ -134,12 +137,12 @@ def card(candidate: Candidate) -> str:
     facts = ", ".join(fact for fact in (likely, tried) if fact)
     lines = [
         f"<code>{escape(candidate.law)}</code>" if candidate.law else "",
-        f'<span style="{_MUTED}">shows as: {escape(candidate.shows)}</span>' if candidate.shows else "",
+        f'<span style="{MUTED}">shows as: {escape(candidate.shows)}</span>' if candidate.shows else "",
         *(f"<b>{escape(value)}</b>" for value in candidate.values),
         f"these logs cannot tell it from {escape(', '.join(candidate.alike))}" if candidate.alike else "",
         facts,
     ]
-    return _box("<br>".join(line for line in lines if line), "font-size:12px")
+    return box("<br>".join(line for line in lines if line), "font-size:12px")
 
 
 def _percent(share: float) -> str:
@@ -148,18 +151,18 @@ def _percent(share: float) -> str:
 
 def verdict(headline: str) -> str:
     """What a diagnosis says."""
-    return _box("<br>".join(map(escape, headline.splitlines())), "font-weight:600")
+    return box("<br>".join(map(escape, headline.splitlines())), "font-weight:600")
 
 
 def note(text: str) -> str:
     """A remark."""
-    return _box(escape(text).replace("\n", "<br>"), _SMALL)
+    return box(escape(text).replace("\n", "<br>"), SMALL)
 
 
 def commands(shell: str, python: str) -> str:
     """The scripts that come to the same."""
     block = "background:#f3f4f6;color:#111827;padding:6px;font-size:11px;overflow-x:auto;white-space:pre"
-    return _box(
+    return box(
         f'In a shell<pre style="{block}">{escape(shell)}</pre>In Python<pre style="{block}">{escape(python)}</pre>'
     )
 

@@ -27,13 +27,13 @@ class Plots:
         self._motion: list[Series] = [np.full(2, np.nan)] * 3
         self._rest: list[Series] = [np.full(2, np.nan)] * 3
         gui.add_html(panels.lines({name: INK[name] for name in ("command", "measured", "model")}))
-        self.motion = gui.add_uplot(self._with_cursor(self._motion, 0), _motion_series(), **_options(150), bands=None)
+        self.motion = gui.add_uplot(with_cursor(empty, self._motion, 0), _motion_series(), **options(150), bands=None)
         names = {"measured less model, in noise floors": INK["residual"], "noise, 95 %": INK["noise"]}
         gui.add_html(panels.lines(names))
         self.rest = gui.add_uplot(
-            self._with_cursor(self._rest, 0),
+            with_cursor(empty, self._rest, 0),
             _rest_series(),
-            **_options(150),
+            **options(150),
             bands=({"series": (2, 3), "fill": "rgba(46,160,90,0.16)"},),
         )
 
@@ -55,17 +55,18 @@ class Plots:
     def at(self, time_s: float) -> None:
         """Puts the cursor at a time."""
         sample = int(np.clip(np.searchsorted(self._clock, time_s), 0, max(0, len(self._clock) - 2)))
-        self.motion.data = self._with_cursor(self._motion, sample)
-        self.rest.data = self._with_cursor(self._rest, sample)
+        self.motion.data = with_cursor(self._clock, self._motion, sample)
+        self.rest.data = with_cursor(self._clock, self._rest, sample)
 
     def _line(self, values: Union[Series, None], every: int) -> Series:
         return np.full(len(self._clock), np.nan) if values is None else np.asarray(values[::every])
 
-    def _with_cursor(self, lines: list[Series], sample: int) -> tuple[Series, ...]:
-        """The lines, and one that rises from the bottom to the top at a sample: uPlot's own cursor is the mouse's."""
-        cursor = np.full(len(self._clock), np.nan)
-        cursor[sample : sample + 2] = (0.0, 1.0)[: len(cursor[sample : sample + 2])]
-        return (self._clock, *lines, cursor)
+
+def with_cursor(clock: Series, lines: list[Series], sample: int) -> tuple[Series, ...]:
+    """The lines, and one that rises from the bottom to the top at a sample: uPlot's own cursor is the mouse's."""
+    rises = np.full(len(clock), np.nan)
+    rises[sample : sample + 2] = (0.0, 1.0)[: len(rises[sample : sample + 2])]
+    return (clock, *lines, rises)
 
 
 def _first(*lines: Union[Series, None]) -> Union[Series, None]:
@@ -73,33 +74,36 @@ def _first(*lines: Union[Series, None]) -> Union[Series, None]:
     return next((line for line in lines if line is not None and np.isfinite(line).any()), None)
 
 
-def _line(label: str, ink: str, **options: Any) -> Any:
-    return {"label": label, "stroke": ink, "width": 1.5, "points": {"show": False}, **options}
+def line(label: str, ink: str, **style: Any) -> Any:
+    """A line of a plot."""
+    return {"label": label, "stroke": ink, "width": 1.5, "points": {"show": False}, **style}
 
 
-def _cursor() -> Any:
-    return _line("time", _CURSOR_INK, scale="cursor", width=1.0)
+def cursor() -> Any:
+    """The line of `with_cursor`."""
+    return line("time", _CURSOR_INK, scale="cursor", width=1.0)
 
 
 def _motion_series() -> tuple[Any, ...]:
     names = ("command", "measured", "model")
     # The model is drawn over the readings: these are wider, so that they show where both agree.
     styles: dict[str, Any] = {"command": {"dash": (4, 4)}, "measured": {"width": 3.5}}
-    return ({"label": "t (s)"}, *(_line(name, INK[name], **styles.get(name, {})) for name in names), _cursor())
+    return ({"label": "t (s)"}, *(line(name, INK[name], **styles.get(name, {})) for name in names), cursor())
 
 
 def _rest_series() -> tuple[Any, ...]:
     edge = {"width": 0.5}
     return (
         {"label": "t (s)"},
-        _line("residual", INK["residual"]),
-        _line("noise", INK["noise"], **edge),
-        _line("noise", INK["noise"], **edge),
-        _cursor(),
+        line("residual", INK["residual"]),
+        line("noise", INK["noise"], **edge),
+        line("noise", INK["noise"], **edge),
+        cursor(),
     )
 
 
-def _options(height: int) -> dict[str, Any]:
+def options(height: int) -> dict[str, Any]:
+    """What the studio's plots have in common."""
     return {
         "height": height,
         "scales": {"x": {"time": False}, "y": {}, "cursor": {"auto": False, "range": (0.0, 1.0)}},

@@ -76,6 +76,11 @@ def replayed(model: Model, run: Run) -> Replay:
         simulated = model.simulate(run.log)
     except BtrError as error:
         return Replay(run, failed=str(error))
+    return on_clock(run, simulated)
+
+
+def on_clock(run: Run, simulated: Log) -> Replay:
+    """A simulation at the times of a run."""
     clock = simulated.clock_s
     return Replay(run, {channel: np.interp(run.clock_s, clock, values) for channel, values in simulated.items()})
 

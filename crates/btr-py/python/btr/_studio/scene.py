@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Union
 
 import numpy as np
@@ -39,8 +39,11 @@ def colour_of(error: float) -> Colour:
 class Figure:
     """One robot: nested frames with shapes in them."""
 
-    def __init__(self, server: viser.ViserServer, robot: Robot, name: str, *, ghost: bool) -> None:
-        self._robot, self._scene, self._ghost = robot, server.scene, ghost
+    def __init__(
+        self, server: viser.ViserServer, robot: Robot, name: str, *, ghost: bool, colour: Colour = GHOST
+    ) -> None:
+        """A `ghost` is transparent and has the `colour`."""
+        self._robot, self._scene, self._ghost, self._colour = robot, server.scene, ghost, colour
         self._unit_m = robot.reach_m
         self.frames: dict[str, Any] = {}
         """The frame of each link, by name, each in that of its parent."""
@@ -65,7 +68,7 @@ class Figure:
 
     def _style(self, colour: Colour = BODY) -> dict[str, Any]:
         if self._ghost:
-            return {"color": GHOST, "opacity": GHOST_OPACITY, "cast_shadow": False, "receive_shadow": False}
+            return {"color": self._colour, "opacity": GHOST_OPACITY, "cast_shadow": False, "receive_shadow": False}
         return {"color": colour}
 
     def _shape(self, path: str, shape: Shape) -> Any:
@@ -87,12 +90,12 @@ class Figure:
         begin, end = np.array(rod.begin_m), np.array(rod.end_m)
         length = float(np.linalg.norm(end - begin))
         radius = min(0.022 * self._unit_m, 0.3 * length) * (GHOST_SCALE if self._ghost else 1.0)
-        pose: dict[str, Any] = {"wxyz": _along(end - begin).wxyz, "position": (begin + end) / 2}
+        pose: dict[str, Any] = {"wxyz": along(end - begin).wxyz, "position": (begin + end) / 2}
         return self._scene.add_cylinder(path, radius=radius, height=length, **pose, **self._style())
 
     def _marker(self, path: str, link: Link) -> Any:
         size = 0.04 * self._unit_m * (GHOST_SCALE if self._ghost else 1.0)
-        pose: dict[str, Any] = {"wxyz": _along(np.array(link.axis)).wxyz}
+        pose: dict[str, Any] = {"wxyz": along(np.array(link.axis)).wxyz}
         if link.kind == "prismatic":
             return self._scene.add_box(path, dimensions=(2 * size, 2 * size, 3 * size), **pose, **self._style(UNKNOWN))
         return self._scene.add_cylinder(path, radius=size, height=2.2 * size, **pose, **self._style(UNKNOWN))
@@ -155,12 +158,11 @@ class Scene:
         simulated = replay.simulated
         self._simulated = {joint: simulated[f"q_{joint}"] for joint in joints if f"q_{joint}" in simulated}
         readings = {joint: replay.run.measured(f"q_{joint}") for joint in joints}
-        known = {joint: _held(values) for joint, values in readings.items() if values is not None}
+        known = {joint: held(values) for joint, values in readings.items() if values is not None}
         # What no sensor saw is shown as the model has it.
         self._measured = {**self._simulated, **known}
         self._errors = {joint: _worst(replay, joint, floors) for joint in joints}
-        model_base = _base({key: simulated.get(key) for key in BASE})
-        log_base = _base({key: replay.run.measured(key) for key in BASE})
+        model_base, log_base = base_of(simulated.get), base_of(replay.run.measured)
         self._bases = (model_base if log_base is None else log_base, model_base)
         self._ghost.show(replay.failed is None)
 
@@ -199,7 +201,7 @@ def _worst(replay: Replay, joint: str, floors: Mapping[str, float]) -> Series:
     return np.asarray(np.fmax.reduce([np.abs(residual) / floor for residual, floor in known]))
 
 
-def _held(values: Series) -> Series:
+def held(values: Series) -> Series:
     """The readings, the last one held where one is missing."""
     known = np.flatnonzero(np.isfinite(values))
     if len(known) == 0:
@@ -208,13 +210,13 @@ def _held(values: Series) -> Series:
     return np.asarray(values[known[np.maximum(last, 0)]])
 
 
-def _base(channels: Mapping[str, Union[Series, None]]) -> Union[Series, None]:
+def base_of(channel: Callable[[str], Union[Series, None]]) -> Union[Series, None]:
     """Poses of a floating base, shape (samples, 7); None if a channel is missing."""
-    known = [_held(values) for values in channels.values() if values is not None]
+    known = [held(values) for name in BASE if (values := channel(name)) is not None]
     return np.stack(known, axis=1) if len(known) == len(BASE) else None
 
 
-def _along(direction: NDArray[np.float64]) -> transforms.SO3:
+def along(direction: NDArray[np.float64]) -> transforms.SO3:
     """The rotation that takes z into a direction."""
     z = direction / np.linalg.norm(direction)
     turn = np.cross([0.0, 0.0, 1.0], z)

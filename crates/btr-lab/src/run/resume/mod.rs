@@ -1,5 +1,9 @@
 //! How a run goes on from what is in its folder. Nothing damaged is used: what can be computed again is.
 
+mod snapshot;
+
+pub use snapshot::Snapshot;
+
 use super::checkpoint::{Checkpoint, Unusable};
 use super::files::{EXPERIMENT, checkpoint_path, locked, stamp_of, write_in};
 use super::folder::{Enlargement, Run};
