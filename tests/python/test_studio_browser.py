@@ -97,6 +97,13 @@ def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_p
     add.wait_for()
     assert page.get_by_text(f"missing: {FRICTION}").count() == 1
 
+    page.get_by_role("button", name=f"Preview {FRICTION}", exact=True).click()
+    page.get_by_text(f"preview: + {FRICTION}").wait_for()
+    assert max(errors(page)) < 1.2
+    page.get_by_role("button", name=f"End preview of {FRICTION}", exact=True).click()
+    page.get_by_text(f"preview: + {FRICTION}").wait_for(state="detached")
+    assert min(errors(page)) > 5.0
+
     add.click()
     page.get_by_role("button", name=f"Remove {FRICTION}", exact=True).wait_for()
     page.get_by_text("every joint is within").wait_for()

@@ -122,6 +122,7 @@ def test_names_are_escaped() -> None:
     verdict = SimpleNamespace(sentences=[HOSTILE, HOSTILE])
     comparison = SimpleNamespace(verdict=verdict, failures=[failure], warnings=[HOSTILE], not_judged=[HOSTILE])
     card = Candidate((HOSTILE,), HOSTILE, HOSTILE, (HOSTILE,), 0.5, True, (HOSTILE,), 1.0)
+    rival = SimpleNamespace(effect=HOSTILE, separation=2.0)
     texts = [
         panels.head(HOSTILE, HOSTILE, 1.0, 1.0),
         panels.ladder([(HOSTILE, 1.0, 1.0)], HOSTILE),
@@ -132,6 +133,7 @@ def test_names_are_escaped() -> None:
         panels.note(HOSTILE),
         panels.commands(HOSTILE, HOSTILE),
         panels.lines({HOSTILE: "red"}),
+        panels.next_experiment(SimpleNamespace(sentence=HOSTILE, rivals=[rival])),
     ]
     for text in texts:
         assert "&lt;img" in text and "<img" not in text

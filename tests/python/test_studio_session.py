@@ -8,8 +8,11 @@ from pathlib import Path
 
 import pytest
 
+import numpy as np
+
 import btr
 from btr._btr import command
+from btr._studio import panels
 from btr._studio.candidates import candidates
 from btr._studio.session import Session
 from btr._studio.work import Cancelled, Latest
@@ -94,6 +97,58 @@ def test_what_is_added_can_be_removed_and_undone(arm: Session) -> None:
     arm.undo()
     assert arm.errors()[1] == before
     assert arm.undo() is arm.history[0], "the first step stays"
+
+
+def test_a_preview_changes_nothing_and_is_no_work_twice(arm: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    before, replay = arm.errors(), arm.replay(0)
+    previewed = arm.preview([FRICTION])
+    assert arm.shown is previewed and previewed.label == f"preview: + {FRICTION}"
+    assert arm.errors()[1] < 1.2 and arm.replay(0) is not replay
+    assert arm.compare() is previewed.comparison
+    assert len(arm.history) == 1 and arm.step.added == () and FRICTION not in arm.model.text
+    arm.show_step()
+    assert arm.errors() == before and arm.replay(0) is replay
+    monkeypatch.setattr("btr._studio.session.fit", None)
+    arm.preview([FRICTION])
+    added = arm.add([FRICTION])
+    assert arm.previewed is None and arm.shown is added and arm.model.values == previewed.model.values
+
+
+def test_a_change_ends_a_preview(arm: Session) -> None:
+    for change in (lambda: arm.set_values({"kp@yaw": 19.0}), arm.undo):
+        arm.preview([FRICTION])
+        change()
+        assert arm.shown is arm.step
+    with pytest.raises(Cancelled):
+        arm.preview(["backlash@yaw"], arm.cancel)
+    assert arm.previewed is None
+
+
+def test_what_is_saved_in_a_preview_is_the_present_model(arm: Session, tmp_path: Path) -> None:
+    arm.preview([FRICTION])
+    saved = arm.save()
+    assert btr.load_model(saved.model).values == arm.history[0].model.values
+    assert "coulomb_friction" not in saved.report.read_text()
+
+
+def test_the_motion_of_the_next_experiment_is_shown() -> None:
+    pendulum = btr.load_model(ROBOTS / "disengage.toml")
+    delayed = '\n[[effects]]\neffect = "command_delay"\nsite = "hinge"\ndelay = 0.004\n'
+    clock_s = np.arange(0, 3, 0.01)
+    commands = btr.Log(clock_s, {"cmd_hinge": 0.3 * np.sin(5 * clock_s), "q_hinge": np.zeros(len(clock_s))})
+    response = btr.Model(pendulum.text + delayed, pendulum.path).simulate(commands, seed=3)
+    session = Session(pendulum, btr.Log(clock_s, {name: response[name] for name in ("cmd_hinge", "q_hinge")}))
+    with pytest.raises(btr.BtrError, match="there is no next experiment"):
+        session.show_motion()
+    session.diagnose()
+    motion = session.show_motion()
+    assert session.motion is motion and motion.failed is None
+    assert motion.run.log.keys() == ["cmd_hinge"] and np.ptp(motion.simulated["q_hinge"]) > 0.1
+    told = panels.next_experiment(session.diagnosis.next_experiment)
+    assert all(rival.effect in told for rival in session.diagnosis.next_experiment.rivals)
+    assert "noise floors apart" in told
+    session.show_step()
+    assert session.motion is None
 
 
 def test_what_was_not_added_cannot_be_removed(arm: Session) -> None:

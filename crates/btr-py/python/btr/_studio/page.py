@@ -11,7 +11,7 @@ import viser
 
 from btr._btr import BtrError
 from btr._studio import panels
-from btr._studio.cause import Candidates, Names, Sliders
+from btr._studio.cause import Candidates, Names, NextExperiment, Sliders
 from btr._studio.robot import Robot
 from btr._studio.saved import python, shell
 from btr._studio.session import Session, Step
@@ -73,7 +73,8 @@ class Page:
         self._told = gui.add_html("")
         self._verdict = gui.add_html("")
         self._undo = gui.add_button("Undo", color="gray", icon=viser.Icon.ARROW_BACK_UP, disabled=True)
-        self._candidates = Candidates(self._server, self._on_add, self._on_remove)
+        self._candidates = Candidates(self._server, self._on_add, self._on_remove, self._on_preview)
+        self._next = NextExperiment(self._server, self._on_motion, self._on_end)
         self._sliders = Sliders(self._server, self._on_value)
         self._fit = gui.add_button("Fit all", color="gray", icon=viser.Icon.ADJUSTMENTS)
         self._save = gui.add_button("Save model, report and scripts", color="gray", icon=viser.Icon.DEVICE_FLOPPY)
@@ -94,6 +95,20 @@ class Page:
     def _on_remove(self, names: Names) -> None:
         self._start("fitting", lambda: self._fitted(lambda told: self._session.remove(names, told)))
 
+    def _on_preview(self, names: Names) -> None:
+        if not names:
+            self._on_end()
+            return
+        self._start("fitting", lambda: self._previewed(names))
+
+    def _on_motion(self) -> None:
+        self._start("simulating", self._shown_motion)
+
+    def _on_end(self) -> None:
+        """Ends a preview or a shown motion."""
+        self._session.show_step()
+        self._changed(self._session.step)
+
     def _on_undo(self) -> None:
         step = self._session.undo()
         self._told.content = panels.ladder(self._session.ladder, "")
@@ -108,7 +123,15 @@ class Page:
         self._session.diagnose(self._tell)
         found = self._session.diagnosis
         self._verdict.content = "" if found is None else panels.verdict(found._headline())
-        self._candidates.load(self._session)
+        self._changed(self._session.step)
+
+    def _previewed(self, names: Names) -> None:
+        self._session.preview(names, self._tell)
+        self._changed(self._session.step)
+
+    def _shown_motion(self) -> None:
+        self._session.show_motion()
+        self._changed(self._session.step)
 
     def _fitted(self, work: Callable[[Callable[[], None]], Step]) -> None:
         """Fits, then moves the ghost to where the fit has it, and the errors with it."""
@@ -181,6 +204,7 @@ class Page:
             self._changes.clear()
         self._sliders.load(step.model.parameters, step.model.values)
         self._candidates.load(self._session)
+        self._next.load(self._session)
         self._undo.disabled = len(self._session.history) == 1
         self._redraws.ask()
 
@@ -190,9 +214,13 @@ class Page:
             changes, self._changes = self._changes, {}
         try:
             if changes:
+                was_preview = self._session.previewed is not None or self._session.motion is not None
                 self._session.set_values(changes)
                 self._undo.disabled = False
-            self._view.load(self._session.replay(self._view.run))
+                if was_preview:
+                    self._candidates.load(self._session)
+                    self._next.load(self._session)
+            self._view.load(self._session.motion or self._session.replay(self._view.run))
             # The other logs are simulated one by one, so that a slider that moves on does not wait for them.
             if all(not is_stale() and self._session.replay(number) for number in range(len(self._session.runs))):
                 self._show_errors()
@@ -213,7 +241,7 @@ class Page:
             self._told.content = panels.ladder(self._session.ladder, str(error))
 
     def _show_errors(self) -> None:
-        step = self._session.step
+        step = self._session.shown
         self._head.content = self._told_errors(step, *self._session.errors())
 
     @staticmethod

@@ -9,7 +9,7 @@ from typing import Union
 
 from btr._studio.candidates import Candidate
 from btr._studio.scene import BODY, GHOST, STEPS, Colour, colour_of
-from btr.documents import RegimeFailure
+from btr.documents import NextExperiment, RegimeFailure
 from btr.results import CompareResult
 
 Ladder = Sequence[tuple[str, float, Union[float, None]]]
@@ -143,6 +143,14 @@ def card(candidate: Candidate) -> str:
         facts,
     ]
     return box("<br>".join(line for line in lines if line), "font-size:12px")
+
+
+def next_experiment(proposed: NextExperiment) -> str:
+    """What to do next, and how far it separates the suspects."""
+    rivals = "".join(
+        f"<br>{escape(rival.effect)}: {rival.separation:.3g} noise floors apart" for rival in proposed.rivals
+    )
+    return box(f'{escape(proposed.sentence)}<span style="{MUTED}">{rivals}</span>', "font-size:12px")
 
 
 def _percent(share: float) -> str:

@@ -79,6 +79,11 @@ class Session:
         self.ladder: Ladder = []
         """The steps of the diagnosis or fit that runs, or ran last."""
         self.diagnosis: Union[DiagnoseResult, None] = None
+        self.previewed: Union[Step, None] = None
+        """What a suspect would make of the model; None while the present step is shown."""
+        self.motion: Union[Replay, None] = None
+        """The next experiment as the diagnosed model does it; None while logs are shown."""
+        self._fits: dict[tuple[str, ...], FitResult] = {}
         self._work: Union[Batches, None] = None
         self._one_at_a_time = threading.Lock()
 
@@ -86,6 +91,11 @@ class Session:
     def step(self) -> Step:
         """The present step."""
         return self.history[-1]
+
+    @property
+    def shown(self) -> Step:
+        """The step that errors and replays are of: the previewed one, or the present one."""
+        return self.step if self.previewed is None else self.previewed
 
     @property
     def model(self) -> Model:
@@ -109,8 +119,8 @@ class Session:
         return [] if self.diagnosis is None else candidates(self.diagnosis)
 
     def replay(self, number: int) -> Replay:
-        """What the present model does with the commands of a run."""
-        step = self.step
+        """What the shown model does with the commands of a run."""
+        step = self.shown
         if number not in step.replays:
             step.replays[number] = replayed(step.model, self.runs[number])
         return step.replays[number]
@@ -120,7 +130,7 @@ class Session:
         return [replayed(model, run) for run in self.runs]
 
     def errors(self) -> Errors:
-        """Errors of the present model; see `errors_of`."""
+        """Errors of the shown model; see `errors_of`."""
         return self.errors_of([self.replay(number) for number in range(len(self.runs))])
 
     def errors_of(self, replays: Sequence[Replay]) -> Errors:
@@ -133,8 +143,10 @@ class Session:
         return error(learn, self.floors), error(held, self.floors)
 
     def compare(self) -> CompareResult:
-        """Where the present model fails, over all logs."""
-        step = self.step
+        """Where the shown model fails, over all logs."""
+        return self._compared(self.shown)
+
+    def _compared(self, step: Step) -> CompareResult:
         if step.comparison is None:
             step.comparison = compare(step.model, [run.log for run in self.runs])
             # Readings without any noise have no floor.
@@ -150,11 +162,32 @@ class Session:
             found = diagnose(self.model, learn, held_out=held, tell=told, executor=executor)
             work.must_go_on()
             self.diagnosis = found
+            self.show_step()
         return self.candidates
 
     def add(self, names: Sequence[str], tell: Union[Callable[[], None], None] = None) -> Step:
         """Adds effects or values to those that were added before, and fits all."""
         return self._fitted("+ " + ", ".join(names), (*self.step.added, *names), tell)
+
+    def preview(self, names: Sequence[str], tell: Union[Callable[[], None], None] = None) -> Step:
+        """Shows what `add` would make of the model, which stays as it is. Adding it then is no more work."""
+        previewed = self._fit_of("preview: + " + ", ".join(names), (*self.step.added, *names), tell)
+        self.show_step()
+        self.previewed = previewed
+        return previewed
+
+    def show_motion(self) -> Replay:
+        """Shows the motion that the diagnosis proposes. Raises `BtrError` if it proposes none."""
+        commands = None if self.diagnosis is None else self.diagnosis.next_commands
+        if self.diagnosis is None or commands is None:
+            raise wrong("there is no next experiment", "ask what is missing; one is proposed where suspects are alike")
+        self.previewed = None
+        self.motion = replayed(self.diagnosis.model, Run("next experiment", commands, False, None))
+        return self.motion
+
+    def show_step(self) -> None:
+        """Shows the present step on the logs, after `preview` or `show_motion`."""
+        self.previewed = self.motion = None
 
     def remove(self, names: Sequence[str], tell: Union[Callable[[], None], None] = None) -> Step:
         """Takes what was added out again, and fits the rest. Raises `BtrError` for what was not added."""
@@ -175,6 +208,7 @@ class Session:
         """Sets values of free parameters, in their units. A series of such changes is one step."""
         before = self.step
         step = Step(BY_HAND, before.model.at(values), before.added, before.fit, {**before.by_hand, **values})
+        self.show_step()
         if before.label == BY_HAND:
             self.history[-1] = step
             return step
@@ -182,6 +216,7 @@ class Session:
 
     def undo(self) -> Step:
         """Returns to the step before; the first one stays."""
+        self.show_step()
         if len(self.history) > 1:
             self.history.pop()
             self.ladder = []
@@ -202,7 +237,7 @@ class Session:
         """Writes the model, its report, and scripts that do the same into `folder`, under names that are free. Raises
         `BtrError` if they cannot be written."""
         step, first = self.step, self.history[0].model
-        report = step.fit if step.fit is not None and not step.by_hand else self.compare()
+        report = step.fit if step.fit is not None and not step.by_hand else self._compared(step)
         return save(self.folder, first, self.runs, step.model, step.added, step.by_hand, report)
 
     def cancel(self) -> None:
@@ -211,14 +246,21 @@ class Session:
             self._work.stop()
 
     def _fitted(self, label: str, added: tuple[str, ...], tell: Union[Callable[[], None], None]) -> Step:
+        return self._push(self._fit_of(label, added, tell))
+
+    def _fit_of(self, label: str, added: tuple[str, ...], tell: Union[Callable[[], None], None]) -> Step:
+        """The first model with what was added, fitted. The same is fitted once."""
         first = self.history[0].model
         with self._work_on(tell) as (work, told):
-            learn, held = self._logs()
-            found = fit(first, learn, held_out=held, add=added, tell=told, executor=self._executor(work))
-            work.must_go_on()
-            return self._push(Step(label, found.model, added, found))
+            if added not in self._fits:
+                learn, held = self._logs()
+                found = fit(first, learn, held_out=held, add=added, tell=told, executor=self._executor(work))
+                work.must_go_on()
+                self._fits[added] = found
+            return Step(label, self._fits[added].model, added, self._fits[added])
 
     def _push(self, step: Step) -> Step:
+        self.show_step()
         self.history.append(step)
         return step
 

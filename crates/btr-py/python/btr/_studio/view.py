@@ -36,7 +36,7 @@ class View:
         self._moving = False
         self.player = Player(self._at)
         self._scene = Scene(server, robot, floats=BASE[0] in session.replay(0).simulated)
-        self._names = labels(session.runs)
+        self._runs, self._names = session.runs, labels(session.runs)
         self.panel = server.gui.add_panel()
         with self.panel.add_tab("The error", viser.Icon.CHART_LINE):
             self._add_log()
@@ -61,11 +61,12 @@ class View:
             channel = self._channel.value
             self._plots.load(replay, channel, self._session.floors.get(channel), self.player.time_s)
             self._scene.at(self._sample())
-            self._failed.content = panels.note(replay.failed or "")
+            proposed = "the next experiment, as the diagnosed model does it" if replay.run not in self._runs else ""
+            self._failed.content = panels.note(replay.failed or proposed)
 
     def load_comparison(self) -> None:
         """Shows where the present model fails."""
-        comparison = self._session.step.comparison
+        comparison = self._session.shown.comparison
         self._sentence.content = panels.sentence(comparison)
         self._regimes.content = panels.regimes(comparison, self._session.model.joints)
         channels = self._session.channels
