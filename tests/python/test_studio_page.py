@@ -22,6 +22,7 @@ from btr._studio import server as server_module
 from btr._studio.candidates import Candidate
 from btr._studio.cause import reach
 from btr._studio.player import Player
+from btr._studio.plots import Lines, extremes
 from btr._studio.replay import Replay, Run, error
 from btr._studio.robot import parsed, robot_of
 from btr._studio.scene import STEPS, Figure, Scene, colour_of
@@ -170,6 +171,28 @@ def test_errors_count_missing_readings_as_none() -> None:
     replay = Replay(Run("x", log, False, None), {"q_a": np.array([0.0, 9.0, 0.0])})
     assert error([replay], {"q_a": 0.1}) == pytest.approx(3.0 / math.sqrt(2))
     assert error([], {"q_a": 0.1}) is None
+
+
+def test_thinned_lines_keep_their_extremes() -> None:
+    values = np.sin(np.linspace(0.0, 40.0, 10_007))
+    values[[1234, 7777]], values[5000:5003] = (9.0, -9.0), math.nan
+    for most in (100, 800, 10_006):
+        kept = extremes(values, most)
+        assert {1234, 7777} <= set(kept.tolist()) and len(kept) <= most
+        assert np.all(np.diff(kept) > 0)
+        assert kept[0] < len(values) * 2 / most and kept[-1] > len(values) * (1 - 2 / most)
+    assert extremes(values[:50], 100).tolist() == list(range(50))
+    assert len(extremes(np.full(1000, math.nan), 100)) <= 100
+
+
+def test_the_cursor_is_at_its_time_in_thinned_lines() -> None:
+    clock = np.arange(0.0, 40.0, 0.01)
+    lines = Lines(clock, [np.sin(clock)], np.sin(clock))
+    for most in (100, 4000):
+        shown, sine, cursor = lines.at(20.0, most)
+        (begin,) = np.flatnonzero(cursor == 0.0)
+        assert shown[begin] == pytest.approx(20.0, abs=2 * 40.0 / most)
+        assert np.array_equal(sine, np.sin(shown)) and len(shown) <= most
 
 
 def test_a_slider_of_a_tiny_value_is_fine_enough() -> None:

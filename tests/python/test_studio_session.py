@@ -14,7 +14,7 @@ import btr
 from btr._btr import command
 from btr._studio import panels
 from btr._studio.candidates import candidates
-from btr._studio.session import Session
+from btr._studio.session import PART_TAKES_S, Session
 from btr._studio.work import Cancelled, Latest
 
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -166,6 +166,28 @@ def test_a_series_of_values_is_one_step(arm: Session) -> None:
     assert arm.model.values["kp@yaw"] == 17.5
     arm.undo()
     assert arm.model.values["kp@yaw"] == 20.0
+
+
+def test_a_long_replay_is_shown_in_parts(arm: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    end_s = float(arm.runs[0].clock_s[-1])
+    arm.replay(0)
+    arm.set_values({"kp@yaw": 19.0})
+    # As if the whole had taken eight times as long as a part may.
+    monkeypatch.setattr(arm, "_took_s", {0: 8 * PART_TAKES_S})
+    part = arm.part(0, 0.0)
+    assert arm.part(0, 0.8 * end_s) is None, "nearly the whole"
+    assert np.isfinite(arm.part(0, 0.3 * end_s).simulated["q_yaw"][arm.runs[0].clock_s <= 0.3 * end_s]).all()
+    whole = arm.replay(0)
+    known = np.isfinite(part.simulated["q_yaw"])
+    assert arm.runs[0].clock_s[known][-1] == pytest.approx(1.0, abs=0.02), "a second from the shown time on"
+    for channel, values in part.simulated.items():
+        assert len(values) == len(whole.simulated[channel])
+        assert values[known] == pytest.approx(whole.simulated[channel][known], abs=1e-12), channel
+    monkeypatch.setattr(arm, "_took_s", {0: 8 * PART_TAKES_S})
+    assert arm.part(0, 0.0) is None, "the whole is known"
+    arm.set_values({"kp@yaw": 19.5})
+    monkeypatch.setattr(arm, "_took_s", {0: PART_TAKES_S})
+    assert arm.part(0, 0.0) is None, "the whole takes no longer"
 
 
 def test_a_value_outside_its_bounds_changes_nothing(arm: Session) -> None:

@@ -21,7 +21,7 @@ from btr._studio.work import Cancelled, Latest
 GHOST_PARTS = 10
 GHOST_S = 3.0
 NARROW_PX = 1000
-IDLE_S = 0.4
+IDLE_S = 0.8
 
 
 class Page:
@@ -220,7 +220,14 @@ class Page:
                 if was_preview:
                     self._candidates.load(self._session)
                     self._next.load(self._session)
-            self._view.load(self._session.motion or self._session.replay(self._view.run))
+            number = self._view.run
+            part = self._session.part(number, self._view.player.time_s) if changes else None
+            if part is not None:
+                self._view.load(part)
+                if is_stale():
+                    # A slider that moves on does not wait for the rest.
+                    return
+            self._view.load(self._session.motion or self._session.replay(number))
             # The other logs are simulated one by one, so that a slider that moves on does not wait for them.
             if all(not is_stale() and self._session.replay(number) for number in range(len(self._session.runs))):
                 self._show_errors()
@@ -235,6 +242,7 @@ class Page:
             time.sleep(0.02)
             if is_stale():
                 return
+        self._view.rest()
         try:
             self._show_comparison()
         except BtrError as error:

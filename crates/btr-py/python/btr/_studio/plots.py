@@ -6,11 +6,15 @@ from typing import Any, Union
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from btr._studio import panels
 from btr._studio.replay import Replay, Series
 
 MOST_SAMPLES = 4000
+"""Of a plot at rest, which may be magnified."""
+MOVING_SAMPLES = 800
+"""Of a plot that changes: more than it has pixels."""
 NOISE_BAND = 2.0
 """Half width of the noise band, in noise floors."""
 
@@ -19,47 +23,79 @@ _CURSOR_INK = "#1f2937"
 
 
 class Plots:
-    """A pair of plots of one channel, with a cursor at the time that is shown."""
+    """A pair of plots of one channel, with a cursor at the time that is shown. They have few samples while they change,
+    and all that are drawn once they are at rest."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         gui, empty = server.gui, np.array([0.0, 1.0])
-        self._clock: Series = empty
-        self._motion: list[Series] = [np.full(2, np.nan)] * 3
-        self._rest: list[Series] = [np.full(2, np.nan)] * 3
+        nothing = [np.full(2, np.nan)] * 3
+        self._motion = Lines(empty, nothing, nothing[0])
+        self._rest = Lines(empty, nothing, nothing[0])
         gui.add_html(panels.lines({name: INK[name] for name in ("command", "measured", "model")}))
-        self.motion = gui.add_uplot(with_cursor(empty, self._motion, 0), _motion_series(), **options(150), bands=None)
+        self.motion = gui.add_uplot(self._motion.at(0.0, MOVING_SAMPLES), _motion_series(), **options(150), bands=None)
         names = {"measured less model, in noise floors": INK["residual"], "noise, 95 %": INK["noise"]}
         gui.add_html(panels.lines(names))
         self.rest = gui.add_uplot(
-            with_cursor(empty, self._rest, 0),
+            self._rest.at(0.0, MOVING_SAMPLES),
             _rest_series(),
             **options(150),
             bands=({"series": (2, 3), "fill": "rgba(46,160,90,0.16)"},),
         )
 
     def load(self, replay: Replay, channel: str, floor: Union[float, None], time_s: float) -> None:
-        """Shows a channel of a replay."""
-        every = max(1, -(-len(replay.run.clock_s) // MOST_SAMPLES))
-        self._clock = replay.run.clock_s[::every]
+        """Shows a channel of a replay, as one that changes."""
+        clock = replay.run.clock_s
         command = replay.run.measured(f"cmd_{channel[2:]}") if channel.startswith("q_") else None
         simulated = replay.simulated.get(channel)
         measured = _first(replay.run.measured(channel), simulated)
+        nothing = np.full(len(clock), np.nan)
         # uPlot finds no scale for a line without numbers: what is missing hides behind another line.
         lines = (_first(command, measured), measured, _first(simulated, measured))
-        self._motion = [self._line(values, every) for values in lines]
-        band = np.full(len(self._clock), NOISE_BAND if floor else np.nan)
-        left = self._line(replay.residual(channel), every) / (floor or np.nan)
-        self._rest = [left, band, -band]
-        self.at(time_s)
+        motion = [nothing if values is None else values for values in lines]
+        self._motion = Lines(clock, motion, motion[2])
+        residual = replay.residual(channel)
+        left = nothing if residual is None else residual / (floor or np.nan)
+        band = np.full(len(clock), NOISE_BAND if floor else np.nan)
+        self._rest = Lines(clock, [left, band, -band], left)
+        self.at(time_s, moving=True)
 
-    def at(self, time_s: float) -> None:
-        """Puts the cursor at a time."""
-        sample = int(np.clip(np.searchsorted(self._clock, time_s), 0, max(0, len(self._clock) - 2)))
-        self.motion.data = with_cursor(self._clock, self._motion, sample)
-        self.rest.data = with_cursor(self._clock, self._rest, sample)
+    def at(self, time_s: float, *, moving: bool) -> None:
+        """Puts the cursor at a time; `moving` plots have few samples."""
+        most = MOVING_SAMPLES if moving else MOST_SAMPLES
+        self.motion.data, self.rest.data = self._motion.at(time_s, most), self._rest.at(time_s, most)
 
-    def _line(self, values: Union[Series, None], every: int) -> Series:
-        return np.full(len(self._clock), np.nan) if values is None else np.asarray(values[::every])
+
+class Lines:
+    """Lines over a clock, thinned."""
+
+    def __init__(self, clock: Series, lines: list[Series], of: Series) -> None:
+        """Thinned lines keep the extremes of `of`."""
+        self._clock, self._lines, self._of = clock, lines, of
+        self._thinned: dict[int, tuple[Series, list[Series]]] = {}
+
+    def at(self, time_s: float, most: int) -> tuple[Series, ...]:
+        """The clock, the lines and a cursor at a time, with so many samples at most."""
+        if most not in self._thinned:
+            kept = extremes(self._of, most)
+            self._thinned[most] = self._clock[kept], [values[kept] for values in self._lines]
+        clock, lines = self._thinned[most]
+        sample = int(np.clip(np.searchsorted(clock, time_s), 0, max(0, len(clock) - 2)))
+        return with_cursor(clock, lines, sample)
+
+
+def extremes(values: Series, most: int) -> NDArray[np.intp]:
+    """Places of at most so many values: the least and the greatest of each of equal parts, in their order."""
+    count, parts = len(values), most // 2
+    if count <= most:
+        return np.arange(count)
+    # What is missing is no extreme.
+    known = np.where(np.isfinite(values), values, np.nanmean(values) if np.isfinite(values).any() else 0.0)
+    edges = np.linspace(0, count, parts + 1).astype(np.intp)
+    width = int(np.diff(edges).max())
+    places = np.minimum(edges[:-1, None] + np.arange(width), edges[1:, None] - 1)
+    rows = np.arange(parts)
+    least, greatest = (places[rows, pick(known[places], axis=1)] for pick in (np.argmin, np.argmax))
+    return np.unique(np.concatenate([least, greatest]))
 
 
 def with_cursor(clock: Series, lines: list[Series], sample: int) -> tuple[Series, ...]:

@@ -79,6 +79,15 @@ def replayed(model: Model, run: Run) -> Replay:
     return on_clock(run, simulated)
 
 
+def begun(model: Model, run: Run, until_s: float) -> Replay:
+    """The beginning of the model's simulation of a run's commands; NaN after `until_s`."""
+    samples = max(2, int(np.searchsorted(run.clock_s, until_s)))
+    log = Log(run.log.clock_s[:samples], {name: run.log[name][:samples] for name in run.log.keys()})
+    part = replayed(model, Run(run.name, log, run.held_out, None))
+    rest = np.full(len(run.clock_s) - samples, np.nan)
+    return Replay(run, {name: np.concatenate([values, rest]) for name, values in part.simulated.items()}, part.failed)
+
+
 def on_clock(run: Run, simulated: Log) -> Replay:
     """A simulation at the times of a run."""
     clock = simulated.clock_s

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -15,7 +16,7 @@ from btr._btr import BtrError, Log
 from btr._inputs import wrong
 from btr._sources import LogLike, Logs
 from btr._studio.candidates import Candidate, candidates
-from btr._studio.replay import Replay, Run, error, replayed
+from btr._studio.replay import Replay, Run, begun, error, replayed
 from btr._studio.saved import Saved, save
 from btr._studio.work import Batches
 from btr.model import Model, loaded
@@ -29,6 +30,13 @@ Errors = tuple[Union[float, None], Union[float, None]]
 """Errors on the training and on the held-out logs, in noise floors; None where there is none."""
 
 BY_HAND = "set by hand"
+
+PART_TAKES_S = 0.01
+"""How long the beginning of a simulation may take that is shown before the whole."""
+SHOWN_S = 1.0
+"""How much of a simulation is shown after the time that is shown, at least."""
+MOST_OF_RUN = 0.7
+"""Share of a run from which on the whole is simulated at once."""
 
 
 @dataclass
@@ -83,6 +91,7 @@ class Session:
         """What a suspect would make of the model; None while the present step is shown."""
         self.motion: Union[Replay, None] = None
         """The next experiment as the diagnosed model does it; None while logs are shown."""
+        self._took_s: dict[int, float] = {}
         self._fits: dict[tuple[str, ...], FitResult] = {}
         self._work: Union[Batches, None] = None
         self._one_at_a_time = threading.Lock()
@@ -122,8 +131,19 @@ class Session:
         """What the shown model does with the commands of a run."""
         step = self.shown
         if number not in step.replays:
+            before = time.perf_counter()
             step.replays[number] = replayed(step.model, self.runs[number])
+            self._took_s[number] = time.perf_counter() - before
         return step.replays[number]
+
+    def part(self, number: int, time_s: float) -> Union[Replay, None]:
+        """The beginning of `replay`, up to a time at least, where the whole takes long; None where it does not."""
+        run, took_s = self.runs[number], self._took_s.get(number, 0.0)
+        end_s = float(run.clock_s[-1])
+        until_s = max(end_s * PART_TAKES_S / max(took_s, PART_TAKES_S), time_s + SHOWN_S)
+        if number in self.shown.replays or until_s > MOST_OF_RUN * end_s:
+            return None
+        return begun(self.shown.model, run, until_s)
 
     def replays_of(self, model: Model) -> list[Replay]:
         """What another model does with the commands of every run."""

@@ -64,6 +64,12 @@ class View:
             proposed = "the next experiment, as the diagnosed model does it" if replay.run not in self._runs else ""
             self._failed.content = panels.note(replay.failed or proposed)
 
+    def rest(self) -> None:
+        """Shows all samples of the plots, once nothing changes."""
+        with self._lock:
+            if not self.player.playing:
+                self._plots.at(self.player.time_s, moving=False)
+
     def load_comparison(self) -> None:
         """Shows where the present model fails."""
         comparison = self._session.shown.comparison
@@ -146,7 +152,7 @@ class View:
             now = time.monotonic()
             if now - self._cursor_moved >= CURSOR_S or not self.player.playing:
                 self._cursor_moved = now
-                self._plots.at(time_s)
+                self._plots.at(time_s, moving=self.player.playing)
                 self._slider.value = round(time_s, 3)
 
 
