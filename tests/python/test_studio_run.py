@@ -18,7 +18,7 @@ from btr._studio.run import panels
 from btr._studio.run.folder import Snapshot, Truth
 from btr._studio.run.motion import FRAME_S, motion_of
 from btr._studio.run.session import Course, RunSession
-from btr._studio.run.strip import colour_of_merit, merits
+from btr._studio.run.strip import colour_of_merit, merits, places
 from btr._studio.run.view import MOST_WALKERS, chosen
 
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -178,6 +178,14 @@ def test_the_best_and_the_latest_tests_are_side_by_side() -> None:
     numbers = [shown.trial.number for shown in chosen([test(number) for number in range(50)])]
     assert numbers == [3, *range(50 - MOST_WALKERS + 1, 50)]
     assert len(chosen([test(number) for number in range(MOST_WALKERS)])) == MOST_WALKERS
+
+
+def test_many_robots_stand_in_rows() -> None:
+    assert places(4).tolist() == [[0.0, -1.5], [0.0, -0.5], [0.0, 0.5], [0.0, 1.5]]
+    twelve = places(12)
+    assert twelve[:6, 0].tolist() == [-1.0] * 6 and twelve[6:, 0].tolist() == [0.0] * 6
+    assert len(np.unique(places(8), axis=0)) == 8 and np.ptp(places(8)[:, 1]) == 3.0
+    assert places(0).shape == (0, 2)
 
 
 def test_the_best_is_green_and_the_worst_is_red() -> None:

@@ -20,6 +20,7 @@ from btr.model import Model
 
 POLL_S = 0.5
 NARROW_PX = 1000
+PANEL_PX = 400
 
 
 class RunPage:
@@ -60,17 +61,20 @@ class RunPage:
         """The run to the right and its tests to the left; one below the other where the newest window is narrow."""
         run, tests = self._server.gui.main_panel, self._view.panel
         run.dock_right()
-        run.set_width(400)
+        run.set_width(PANEL_PX)
         tests.dock_left()
-        tests.set_width(400)
+        tests.set_width(PANEL_PX)
 
         @self._server.on_client_connect
         def _(client: viser.ClientHandle) -> None:
-            if client.camera.image_width < NARROW_PX:
+            wide, high = client.camera.image_width, max(1, client.camera.image_height)
+            is_narrow = wide < NARROW_PX
+            if is_narrow:
                 tests.dock_below(run)
             else:
                 tests.dock_left()
-            self._view.look_of(client)
+            # The browser has laid out nothing yet: its picture is what the panels will leave.
+            self._view.look_of(client, (wide - PANEL_PX * (1 if is_narrow else 2)) / high)
 
     def _watch(self) -> None:
         """Shows what is new, until the page ends."""

@@ -17,7 +17,7 @@ from btr._studio.scene import GHOST, Colour, Figure, base_of, held
 BEFORE: Colour = (240, 150, 40)
 AFTER: Colour = GHOST
 
-NARROW = 1.1
+NARROW = 0.9
 """Width per height of a picture from which on the camera stays where it is."""
 Place = tuple[float, float, float]
 Poses = tuple[Mapping[str, Series], Union[Series, None]]
@@ -78,12 +78,12 @@ class RunScene:
         """Lets every browser look at what is shown."""
         self._server.initial_camera.position, self._server.initial_camera.look_at = self._view()
         for client in self._server.get_clients().values():
-            self.look_of(client)
+            self.look_of(client, client.camera.aspect)
 
-    def look_of(self, client: viser.ClientHandle) -> None:
-        """Lets a browser look at what is shown, from further away where it is narrow."""
+    def look_of(self, client: viser.ClientHandle, aspect: float) -> None:
+        """Lets a browser look at what is shown, from further away where its picture is narrow."""
         position, towards = self._view()
-        away = max(1.0, NARROW / max(0.1, client.camera.aspect))
+        away = max(1.0, NARROW / max(0.2, aspect))
         client.camera.position = np.array(towards) + away * (np.array(position) - np.array(towards))
         client.camera.look_at = towards
 
@@ -93,8 +93,9 @@ class RunScene:
         if self._test is not None:
             far = reach * (2.0 if self._floats else 1.0)
             return (1.1 * far, -1.5 * far, 0.65 * far + high * reach), (0.15 * reach, 0.0, high * reach)
-        far, ahead = max(self.strip.width_m, self.strip.length_m) + 2.0 * reach, 0.5 * self.strip.length_m
-        return (ahead + 0.95 * far, 0.3 * far, 0.55 * far), (ahead, 0.0, 0.3 * reach)
+        long, wide = self.strip.size_m
+        far, ahead = 0.8 * max(wide, long) + 1.6 * reach, self.strip.front_m - 0.5 * long
+        return (ahead + 0.5 * long + 0.8 * far, 0.3 * far, 0.7 * far), (ahead, 0.0, 0.3 * reach)
 
     def _measured(self, replay: Replay) -> Poses:
         """As the log has it; what no sensor saw is as the simulation has it."""

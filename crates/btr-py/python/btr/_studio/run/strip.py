@@ -15,8 +15,12 @@ from btr._studio.robot import Link, Robot, Shape
 from btr._studio.run.motion import FRAME_S, Array, Motion
 from btr._studio.scene import STEPS, Colour, along
 
-LANE = 1.0
+LANE = 1.2
 """Distance of two lanes, in reaches of the robot."""
+MOST_IN_ROW = 6
+"""Number of robots side by side; others are in rows behind these."""
+LABEL = 0.14
+"""Height of what is written, in reaches of the robot."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,6 @@ class Strip:
 
     def __init__(self, server: viser.ViserServer, robot: Robot) -> None:
         self._server, self._robot = server, robot
-        self._lane_m = LANE * robot.reach_m
         self._meshes = {number: mesh for number, link in enumerate(robot.links) if (mesh := _mesh(robot, link))}
         self._parts: dict[int, Any] = {}
         self._labels: list[Any] = []
@@ -44,15 +47,21 @@ class Strip:
         self._visible = True
 
     @property
-    def width_m(self) -> float:
-        """From the first lane to the last."""
-        return max(0, len(self._walkers) - 1) * self._lane_m
+    def size_m(self) -> tuple[float, float]:
+        """How far it reaches along x and y: paths of the robots, lanes and rows."""
+        if not self._walkers:
+            return 0.0, 0.0
+        long, wide = np.ptp(self._places(), axis=0)
+        return float(long + self._path_m()), float(wide)
 
     @property
-    def length_m(self) -> float:
+    def front_m(self) -> float:
+        """How far the foremost robot gets along x."""
+        return max((float(walker.motion.xyz_m[:, 0, 0].max()) for walker in self._walkers), default=0.0)
+
+    def _path_m(self) -> float:
         """How far the robots go along x, at most."""
-        paths = [walker.motion.xyz_m[:, 0, 0] for walker in self._walkers]
-        return max((float(path.max() - path.min()) for path in paths), default=0.0)
+        return max(float(np.ptp(walker.motion.xyz_m[:, 0, 0])) for walker in self._walkers)
 
     @property
     def end_s(self) -> float:
@@ -81,8 +90,9 @@ class Strip:
             )
         for lane, walker in enumerate(walkers):
             name, place = f"/lanes/{lane}", self._above(xyz[lane])
-            label = self._server.scene.add_label(name, walker.name, position=place, visible=self._visible)
-            self._labels.append(label)
+            size: dict[str, Any] = {"font_size_mode": "scene", "font_scene_height": LABEL * self._robot.reach_m}
+            shown: dict[str, Any] = {"position": place, "visible": self._visible, "anchor": "bottom-center"}
+            self._labels.append(self._server.scene.add_label(name, walker.name, **size, **shown))
 
     def at(self, time_s: float) -> None:
         """Shows a time."""
@@ -105,16 +115,28 @@ class Strip:
         """Poses of every robot's links, shapes (robots, links, 4) and (robots, links, 3)."""
         poses = [walker.motion.at(time_s) for walker in self._walkers]
         wxyz, xyz = np.stack([pose[0] for pose in poses]), np.stack([pose[1] for pose in poses])
-        lanes = [self._lane_y(lane) for lane in range(len(self._walkers))]
-        return wxyz, xyz + np.array([[[0.0, y, 0.0]] for y in lanes])
+        at = np.zeros((len(self._walkers), 1, 3))
+        at[:, 0, :2] = self._places()
+        return wxyz, xyz + at
 
     def _above(self, links: Array) -> Array:
         """A place above a robot, by the positions of its links."""
         return np.array([links[0, 0], links[0, 1], links[:, 2].max() + 0.2 * self._robot.reach_m])
 
-    def _lane_y(self, lane: int) -> float:
-        # The first one is on the left of who sees them come.
-        return (lane - 0.5 * (len(self._walkers) - 1)) * self._lane_m
+    def _places(self) -> Array:
+        """Where the robots begin, shape (robots, 2)."""
+        reach = self._robot.reach_m
+        return places(len(self._walkers)) * (1.5 * reach + self._path_m(), LANE * reach)
+
+
+def places(many: int) -> Array:
+    """Rows and lanes of so many robots, shape (robots, 2): the last row is in front, and the first robot of each is on
+    the left of who sees them come."""
+    number = np.arange(many)
+    rows = -(-many // MOST_IN_ROW)
+    in_row = -(-many // max(1, rows))
+    row, lane = number // in_row, number % in_row
+    return np.stack([row - (rows - 1.0), lane - 0.5 * (in_row - 1)], axis=1)
 
 
 def merits(fitness: Mapping[int, Union[float, None]]) -> dict[int, float]:

@@ -152,10 +152,10 @@ class RunView:
             self._motions[number] = motion_of(self._robot, self._session.model.joints, known.after or known.before)
         return self._motions[number]
 
-    def look_of(self, client: viser.ClientHandle) -> None:
-        """Lets a browser look at what is shown."""
+    def look_of(self, client: viser.ClientHandle, aspect: float) -> None:
+        """Lets a browser look at what is shown; its picture has this width per height."""
         with self._lock:
-            self._scene.look_of(client)
+            self._scene.look_of(client, aspect)
 
     def toggle(self) -> None:
         """Lets the time run or stops it."""
