@@ -30,14 +30,18 @@ PATIENCE_S = 60
 
 @pytest.fixture(scope="module")
 def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Reports of the desk arm: of a fit with the friction that it lacks, and of a comparison of all logs."""
+    """Reports of the desk arm: of a diagnosis, of a fit with the friction that it lacks, and of a comparison."""
     folder = tmp_path_factory.mktemp("reports")
     # A log may have any name that a file may have.
     name = HOSTILE.replace("/", "\N{DIVISION SLASH}") + ".csv"
     shutil.copy(ROBOTS / "arm/held_out_2.csv", folder / name)
     learn, logs = sorted(ROBOTS.glob("arm/learn_*.csv")), sorted(ROBOTS.glob("arm/*.csv"))
     held_out = ["--held-out", str(ROBOTS / "arm/held_out_1.csv"), name]
-    verbs = {"fit": [*map(str, learn), "--add", "coulomb_friction@yaw", *held_out], "compare": map(str, logs)}
+    verbs = {
+        "diagnose": [*map(str, learn), *held_out],
+        "fit": [*map(str, learn), "--add", "coulomb_friction@yaw", *held_out],
+        "compare": map(str, logs),
+    }
     for verb, arguments in verbs.items():
         command = [BTR, verb, str(ROBOTS / "arm.toml"), *arguments, "--report", f"{verb}.html", "-q"]
         subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
@@ -113,7 +117,7 @@ def test_the_arm_is_played_beside_its_plots(width: int, chromium: "playwright.Br
     playwright.expect(page.locator(".clock")).to_have_text("3.00 / 4.00 s")
     assert cursors(page) != at
 
-    page.get_by_text("fitted", exact=True).first.click()
+    page.locator(".states label").get_by_text("fitted, with coulomb_friction").click()
     until(lambda: float(errors()[0]) < 5)
 
     page.get_by_role("combobox", name="Log").select_option(label=HOSTILE.replace("/", "\N{DIVISION SLASH}"))
@@ -135,6 +139,48 @@ def test_the_arm_is_played_beside_its_plots(width: int, chromium: "playwright.Br
     playwright.expect(page.locator(".docked")).to_have_count(0)
 
     assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+    assert page.failures == []
+    page.close()
+
+
+def lines(page: "playwright.Page", shown: str) -> set[str]:
+    """The numbers of the model's states whose lines, `hidden` or not, are in the plots."""
+    groups = page.locator(f"g[data-state]{shown}").all()
+    return {group.get_attribute("data-state") for group in groups}
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_each_step_of_the_ladder_can_be_chosen(width: int, chromium: "playwright.Browser", reports: Path) -> None:
+    page = opened(chromium, reports / "diagnose.html", width)
+    steps, yaw = page.locator(".states label"), page.locator(".joints b").first
+    names = page.locator(".states span span").all_inner_texts()
+    names = [name.replace("\u200b", "").replace("\u00a0", " ") for name in names]
+    assert names == ["as it stands", "its parameters fitted", "+ coulomb_friction@yaw"]
+    errors = [float(error) for error in page.locator(".states b").all_inner_texts()]
+    assert errors[0] > 2 * errors[1] > 8 and errors[2] < 1.1
+    # The first and the last are drawn before anything is chosen, as without scripts.
+    assert lines(page, ":not(.hidden)") == {"0", "2"} and lines(page, ".hidden") == {"1"}
+
+    page.get_by_role("slider", name="Time").fill("2.5")
+    at, picture = float(yaw.inner_text()), page.locator(".player canvas").screenshot()
+    steps.nth(1).click()
+    until(lambda: float(yaw.inner_text()) < at)
+    assert lines(page, ":not(.hidden)") == {"0", "1"} and lines(page, ":not(.faded)") == {"1"}
+    assert page.locator("svg.timed", has_text="its parameters fitted").first.get_by_text("after").is_hidden()
+    assert page.locator(".player canvas").screenshot() != picture
+    steps.nth(2).click()
+    until(lambda: float(yaw.inner_text()) < 5)
+    assert lines(page, ":not(.hidden)") == {"0", "2"} and lines(page, ":not(.faded)") == {"2"}
+
+    # Beside the plots there is a list of the same.
+    plot = page.locator("svg.timed").first
+    plot.scroll_into_view_if_needed()
+    plot.click()
+    page.get_by_role("combobox", name="The model").select_option(index=1)
+    assert lines(page, ":not(.faded)") == {"1"} and steps.nth(1).locator("input").is_checked()
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+    edges = "elements => elements.map(element => element.scrollWidth - element.clientWidth)"
+    assert max(page.locator(".states label>span, .side, .bar").evaluate_all(edges)) <= 0
     assert page.failures == []
     page.close()
 
@@ -171,6 +217,10 @@ def test_without_scripts_or_on_paper_there_are_the_plots_alone(
     text = page.locator("body").inner_text()
     assert "Motion" not in text and "{" not in text and page.locator("svg").count() > 10
     page.close()
+    page = opened(chromium, reports / "diagnose.html", java_script_enabled=False)
+    plot = page.locator("svg", has_text="Residual in").first
+    assert plot.get_by_text("before").is_visible() and plot.get_by_text("its parameters fitted").is_hidden()
+    page.close()
     page = opened(chromium, reports / "fit.html")
     page.emulate_media(media="print")
     playwright.expect(page.locator("#motion")).to_be_hidden()
@@ -188,7 +238,7 @@ def test_without_webgl_the_page_says_so(chromium: "playwright.Browser", reports:
 
 
 def test_the_page_is_small(reports: Path) -> None:
-    assert all((reports / f"{verb}.html").stat().st_size < 3_000_000 for verb in ("fit", "compare"))
+    assert all((reports / f"{verb}.html").stat().st_size < 3_000_000 for verb in ("diagnose", "fit", "compare"))
 
 
 def test_the_robot_is_where_mujoco_has_it(chromium: "playwright.Browser", tmp_path: Path) -> None:

@@ -11,4 +11,7 @@ pub struct LadderStep {
     pub train: f64,
     /// The same on held-out logs; none without such.
     pub held_out: Option<f64>,
+    /// The coordinates of all parameters then; empty where the step has no point of a residual model.
+    #[serde(skip)]
+    pub u: Vec<f64>,
 }

@@ -96,8 +96,9 @@ pub(crate) fn diagnose(
         let next = found.next_experiment.as_ref().and_then(|next| next.commands.clone());
         let next = next.map(|commands| Log::made_here("next experiment", commands));
         let text = input.diagnosed_text(&diagnosed, input.source.folder()).map_err(Raise::raise)?;
-        let ([logs, held_out], u) = (input.logs_used(), diagnosed.fit.u);
-        let page = move || html::diagnose(&Subject { input: &input, logs: &logs, held_out: &held_out }, &found, &u);
+        let ([logs, held_out], u, step) = (input.logs_used(), diagnosed.fit.u, diagnosed.step);
+        let page =
+            move || html::diagnose(&Subject { input: &input, logs: &logs, held_out: &held_out }, &found, (&u, step));
         Ok((document, Page::new(&model.source, page), next, text))
     })
 }
@@ -145,7 +146,7 @@ pub(crate) fn fit(
         let space = json!(input.free_dims().collect::<Vec<_>>()).to_string();
         let document = json!(found).to_string();
         let ([logs, held_out], u) = (input.logs_used(), fit.u);
-        let page = move || html::fit(&Subject { input: &input, logs: &logs, held_out: &held_out }, &found, &u);
+        let page = move || html::fit(&Subject { input: &input, logs: &logs, held_out: &held_out }, &found, (&u, step));
         Ok((document, Page::new(&model.source, page), space, text))
     })
 }
@@ -162,7 +163,7 @@ fn fitted_input(model: &Model, logs: [&[LogSource]; 2], strict: bool, options: F
 
 /// Calls a listener in Python. An exception in it cancels the work.
 fn say(context: &ExecutionContext, tell: &Py<PyAny>, ladder_step: &LadderStep) {
-    let LadderStep { step, train, held_out } = ladder_step;
+    let LadderStep { step, train, held_out, .. } = ladder_step;
     if let Err(error) = Python::attach(|py| tell.call1(py, (step, train, held_out))) {
         context.fail(Box::new(error));
     }

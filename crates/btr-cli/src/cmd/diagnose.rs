@@ -69,7 +69,7 @@ pub(crate) fn run(args: &DiagnoseArgs, global: &Global) -> Result<u8, Failure> {
     };
     if let Some(path) = &args.logs_args.report {
         status.doing("drawing the report");
-        write_report(path, &html::diagnose(&subject, &report, &diagnosed.fit.u))?;
+        write_report(path, &html::diagnose(&subject, &report, (&diagnosed.fit.u, diagnosed.step)))?;
     }
     drop(status);
     common::tell_judged(&report.doubts, global);

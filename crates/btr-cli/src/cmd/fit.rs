@@ -44,7 +44,7 @@ pub(crate) fn run(args: &FitArgs, global: &Global) -> Result<u8, Failure> {
         status.doing("drawing the report");
         let [logs, held_out] = input.logs_used();
         let subject = Subject { input: &input, logs: &logs, held_out: &held_out };
-        write_report(path, &html::fit(&subject, &report, &fit.u))?;
+        write_report(path, &html::fit(&subject, &report, (&fit.u, step)))?;
     }
     drop(status);
     common::tell_judged(&report.doubts, global);

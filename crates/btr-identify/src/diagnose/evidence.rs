@@ -204,7 +204,8 @@ mod tests {
     }
 
     fn verdict(train: f64, held_out: f64, findings: &mut [MissingEffect]) -> Verdict {
-        let last = LadderStep { step: "+ coulomb_friction@elbow".to_owned(), train, held_out: Some(held_out) };
+        let last =
+            LadderStep { step: "+ coulomb_friction@elbow".to_owned(), train, held_out: Some(held_out), u: Vec::new() };
         weigh(&last, 10.0 * 10.0, NoiseBound { noise: 1.15, roughly: false }, findings)
     }
 

@@ -22,7 +22,8 @@ pub struct Diagnosed {
     pub fit: FitPoint,
     /// The effects and the values that were added to it.
     found: Vec<MissingEffect>,
-    step: TimeStep,
+    /// The time step of the diagnosis.
+    pub step: TimeStep,
     /// Whether what remains is noise.
     is_explained: bool,
 }

@@ -38,13 +38,13 @@ impl VerbInput {
         HeldOutLogs { names, logs: &recorded[scenarios.clone()], scenarios }
     }
 
-    /// Errors of the residual model at point `u` on the held-out logs, in the channels that fits and diagnoses compare.
-    /// Initial states are those of the logs; nothing is projected out.
+    /// Errors of the residual model at point `u` on the held-out logs, in the channels that fits and diagnoses compare,
+    /// simulated in a fit's time step. Initial states are those of the logs; nothing is projected out.
     ///
     /// # Errors
     /// A simulation that diverged.
-    pub fn judge(&self, judged: &HeldOutLogs, u: &[f64]) -> Result<JudgedLogs, WorldError> {
-        let simulate = |scenario: usize| self.problem.simulate(u, scenario, TimeStep::USUAL);
+    pub fn judge(&self, judged: &HeldOutLogs, u: &[f64], step: TimeStep) -> Result<JudgedLogs, WorldError> {
+        let simulate = |scenario: usize| self.problem.simulate(u, scenario, step);
         let simulated: Vec<Log> =
             judged.scenarios.clone().into_par_iter().map(simulate).collect::<Result<_, WorldError>>()?;
         let pairs = judged.names.iter().zip(judged.logs).zip(&simulated);

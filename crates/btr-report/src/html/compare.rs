@@ -16,16 +16,26 @@ pub fn compare(outcome: &CompareReport) -> String {
     let mut sections = vec![summary(outcome), failures(outcome)];
     let names: Vec<&str> = outcome.names.iter().map(String::as_str).collect();
     let player = player(outcome, &names);
-    let problem = ComparedLogs { names, logs: &outcome.replays.logs, before: None, after: &outcome.comparison };
+    let problem = ComparedLogs {
+        names,
+        logs: &outcome.replays.logs,
+        before: None,
+        between: Vec::new(),
+        after: &outcome.comparison,
+    };
     sections.extend(problem.sections());
     Report { title: format!("{}: where the model fails", outcome.model), sections, player }.html()
 }
 
 fn player(outcome: &CompareReport, names: &[&str]) -> Option<Player> {
-    let state =
-        ReplayedState { name: AS_IT_STANDS.to_owned(), comparison: &outcome.comparison, simulated: &outcome.simulated };
+    let state = ReplayedState {
+        name: AS_IT_STANDS.to_owned(),
+        error: None,
+        comparison: &outcome.comparison,
+        simulated: &outcome.simulated,
+    };
     let (model, logs) = (&outcome.replays.model, &outcome.replays.logs);
-    Player::of(&Replayed { model, names, logs, states: vec![state], in_windows: false })
+    Player::of(&Replayed { model, names, logs, states: vec![state], errors_are: None, in_windows: false })
 }
 
 fn summary(outcome: &CompareReport) -> Section {

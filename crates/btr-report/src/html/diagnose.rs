@@ -1,8 +1,9 @@
 //! The report of `btr diagnose`.
 
 use super::candidates::{base, candidates};
-use super::ladder::{After, fall, fine_print};
+use super::ladder::{fall, fine_print};
 use super::page::{Block, Report, Section};
+use super::stages::Stages;
 use crate::Subject;
 use crate::bounds::about_bounds;
 use crate::finding::{capped, evidence, helps, likelihood, rivals};
@@ -16,11 +17,12 @@ use btr_core::log::Log;
 use btr_identify::LadderStep;
 use btr_identify::diagnose::Verdict;
 use btr_identify::fit::{Degree, Estimate};
+use btr_identify::residual_model::TimeStep;
 use btr_lab::verbs::{DiagnoseReport, EffectReport, ErrorUnit, LawReport, NextExperiment, Support, ValueReport};
 use btr_physics::effects;
 
-/// The page of `btr diagnose`; `u` is the fitted point of the free parameters.
-pub fn diagnose(subject: &Subject, found: &DiagnoseReport, u: &[f64]) -> String {
+/// The page of `btr diagnose`; `u` is the point that was fitted, in this time step.
+pub fn diagnose(subject: &Subject, found: &DiagnoseReport, (u, step): (&[f64], TimeStep)) -> String {
     let so_far = if found.cut_short { "The search was cut short; so far: " } else { "" };
     let mut lead = vec![Block::Lead(format!("{so_far}{}", sentence(found))), subject.input_block()];
     let sentence_of = |text: String| Block::Text(format!("{}.", text.replacen("at their", "At their", 1)));
@@ -35,7 +37,8 @@ pub fn diagnose(subject: &Subject, found: &DiagnoseReport, u: &[f64]) -> String 
     sections.extend(found.next_experiment.as_ref().map(next));
     sections.push(fall(&found.error_ladder, ErrorUnit::of(&found.noise_floor)));
     sections.push(candidates(found));
-    let (before_and_after, player) = subject.before_and_after(u, &what_was_found(found));
+    let stages = Stages::all(&found.error_ladder, (u, step), what_was_found(found));
+    let (before_and_after, player) = subject.before_and_after(&stages);
     sections.extend(before_and_after);
     let integrator = integrator(found.integrator_error, found.time_step_s);
     sections.push(fine_print(subject.input, &found.noise_floor, &integrator, found.rollouts));
@@ -52,13 +55,10 @@ fn named(found: &DiagnoseReport) -> String {
         .join(" and ")
 }
 
-fn what_was_found(found: &DiagnoseReport) -> After {
+fn what_was_found(found: &DiagnoseReport) -> String {
     match &*named(found) {
-        "" => After { words: "with the free parameters fitted".to_owned(), name: "fitted".to_owned() },
-        names => After {
-            words: format!("with {names}, and the free parameters fitted"),
-            name: format!("fitted, with {names}"),
-        },
+        "" => "with the free parameters fitted".to_owned(),
+        names => format!("with {names}, and the free parameters fitted"),
     }
 }
 

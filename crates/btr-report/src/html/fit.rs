@@ -1,7 +1,8 @@
 //! The report of `btr fit`.
 
-use super::ladder::{After, fall, fine_print};
+use super::ladder::{fall, fine_print};
 use super::page::{Block, Report, Section};
+use super::stages::Stages;
 use crate::Subject;
 use crate::base_parameters;
 use crate::plot::Ink;
@@ -10,10 +11,11 @@ use crate::table::{Table, maybe, number};
 use crate::text::{integrator, interval, removable, what_remains};
 use btr_core::space::Dim;
 use btr_identify::fit::{Estimate, FitStop};
+use btr_identify::residual_model::TimeStep;
 use btr_lab::verbs::{BaseReport, ErrorUnit, FitReport};
 
-/// The page of `btr fit`; `u` is the fitted point of the free parameters.
-pub fn fit(subject: &Subject, found: &FitReport, u: &[f64]) -> String {
+/// The page of `btr fit`; `u` is the point that was fitted, in this time step.
+pub fn fit(subject: &Subject, found: &FitReport, reached: (&[f64], TimeStep)) -> String {
     let mut blocks = vec![Block::Lead(sentence(found)), subject.input_block()];
     blocks.extend(removable(&found.without_effect).map(|sentence| Block::Text(sentence + ".")));
     blocks.extend(subject.reserve());
@@ -23,8 +25,10 @@ pub fn fit(subject: &Subject, found: &FitReport, u: &[f64]) -> String {
     let mut sections = vec![lead, ladder, values(subject, found)];
     sections.extend(not_identifiable(found));
     sections.extend(found.base_parameters.as_ref().map(base));
-    let after = After { words: "with the values above".to_owned(), name: "fitted".to_owned() };
-    let (before_and_after, player) = subject.before_and_after(u, &after);
+    let added: Vec<String> = subject.input.added_effects().into_iter().collect();
+    let name = if added.is_empty() { "fitted".to_owned() } else { format!("fitted, with {}", added.join(" and ")) };
+    let stages = Stages::ends(&found.error_ladder, reached, "with the values above".to_owned(), name);
+    let (before_and_after, player) = subject.before_and_after(&stages);
     sections.extend(before_and_after);
     let integrator = integrator(found.integrator_error, found.time_step_s);
     sections.push(fine_print(subject.input, &found.noise_floor, &integrator, found.rollouts));

@@ -10,6 +10,9 @@ use btr_identify::compare::{Comparison, Regime};
 
 /// Number of logs drawn per joint, those with the largest errors first.
 pub(super) const LOGS_SHOWN: usize = 3;
+/// Points of all lines over time of a page at most, about eleven bytes each; but no line has fewer than these.
+const MOST_POINTS: usize = 70_000;
+const COARSE: usize = 150;
 
 /// Logs and their simulations.
 pub(super) struct ComparedLogs<'a> {
@@ -19,6 +22,8 @@ pub(super) struct ComparedLogs<'a> {
     pub(super) logs: &'a [Log],
     /// Errors of the earlier simulation, where there are two.
     pub(super) before: Option<&'a Comparison>,
+    /// Errors of simulations on the way from there, with their names.
+    pub(super) between: Vec<(&'a str, &'a Comparison)>,
     /// Errors of the simulation.
     pub(super) after: &'a Comparison,
 }
@@ -59,23 +64,34 @@ impl ComparedLogs<'_> {
         if all > most {
             blocks.push(Block::Text(format!("The {most} logs with the largest errors are drawn, of {all}.")));
         }
+        let most = self.points_of_a_line();
         for view in &views {
-            blocks.push(Block::Plots([over_time(view), residual_over_time(view)].iter().map(alone).collect()));
+            let panels = [over_time(view, most), residual_over_time(view, most)];
+            blocks.push(Block::Plots(panels.iter().map(alone).collect()));
         }
         blocks.extend(views.first().map(|worst| Block::Plots(follows(&views, worst).iter().map(alone).collect())));
         Section { title: joint.to_owned(), blocks }
     }
 
+    /// How fine lines over time are drawn: a page of many lines stays small.
+    fn points_of_a_line(&self) -> usize {
+        let simulations = 1 + usize::from(self.before.is_some()) + self.between.len();
+        let lines = joints(self.after).len() * self.logs.len().min(LOGS_SHOWN) * (2 + 2 * simulations);
+        (MOST_POINTS / lines.max(1)).clamp(COARSE, FINE)
+    }
+
     fn views(&self, joint: &str) -> Vec<JointView<'_>> {
         let of = |log: usize| {
             let measured = &self.logs[log].channel(&format!("q_{joint}"))?.values;
-            let before = self.before.and_then(|before| SimulatedJoint::of(before, log, joint));
+            let simulated = |comparison| SimulatedJoint::of(comparison, log, joint);
+            let between = self.between.iter().filter_map(|(name, comparison)| Some((*name, simulated(comparison)?)));
             Some(JointView {
                 log,
                 name: self.names[log],
                 measured,
-                before,
-                after: SimulatedJoint::of(self.after, log, joint)?,
+                before: self.before.and_then(simulated),
+                between: between.collect(),
+                after: simulated(self.after)?,
             })
         };
         let mut views: Vec<JointView> = (0..self.logs.len()).filter_map(of).collect();
@@ -89,9 +105,9 @@ fn alone(panel: &Panel) -> String {
     figure(std::slice::from_ref(panel), 1)
 }
 
-fn over_time(view: &JointView) -> Panel {
+fn over_time(view: &JointView, most: usize) -> Panel {
     let track = view.after.track;
-    let line = |values: &[f64]| thin_line(&track.clock_s, values);
+    let line = |values: &[f64]| thin_line(&track.clock_s, values, most);
     let mut series = Vec::new();
     // Commands far outside the range of positions (torques, voltages) are not drawn: they would dominate the axis.
     let (low, high) = extent(view.measured);
@@ -100,10 +116,11 @@ fn over_time(view: &JointView) -> Panel {
         series.push(Series::new("command", Ink::Truth, Mark::Dashes, line(&track.command)));
     }
     series.push(Series::new("measured", Ink::Second, Mark::Broad, line(view.measured)));
-    let simulated = view.versions("simulated");
-    let simulated =
-        simulated.iter().map(|(name, ink, v)| Series::new(name, *ink, Mark::Line, line(&v.residual.simulated)));
-    series.extend(simulated);
+    series.extend(
+        view.series("simulated", |joint, name, ink| {
+            Series::new(name, ink, Mark::Line, line(&joint.residual.simulated))
+        }),
+    );
     Panel {
         title: format!("{} in {}", track.joint, view.name),
         x_label: "time (s)".to_owned(),
@@ -114,14 +131,13 @@ fn over_time(view: &JointView) -> Panel {
     }
 }
 
-fn residual_over_time(view: &JointView) -> Panel {
+fn residual_over_time(view: &JointView, most: usize) -> Panel {
     let (clock, floor) = (&view.after.track.clock_s, view.after.track.floor);
     let ends = [clock.first(), clock.last()].map(|t| t.copied().unwrap_or(0.0));
     let level = |y: f64| ends.map(|t| (t, y)).to_vec();
-    let versions = view.versions("residual");
-    let errors =
-        versions.iter().map(|(name, ink, v)| Series::new(name, *ink, Mark::Line, thin_line(clock, &v.track.error)));
-    let mut series: Vec<Series> = errors.collect();
+    let mut series = view.series("residual", |joint, name, ink| {
+        Series::new(name, ink, Mark::Line, thin_line(clock, &joint.track.error, most))
+    });
     series.push(Series::new("± noise floor", Ink::Truth, Mark::Dashes, level(floor)));
     series.push(Series::nameless(Ink::Truth, Mark::Dashes, level(-floor)));
     Panel {
@@ -140,9 +156,9 @@ fn extent(values: &[f64]) -> (f64, f64) {
 }
 
 /// Downsamples a line and keeps every peak: the minimum and the maximum of each segment, in time order.
-fn thin_line(clock_s: &[f64], values: &[f64]) -> Vec<(f64, f64)> {
+fn thin_line(clock_s: &[f64], values: &[f64], most: usize) -> Vec<(f64, f64)> {
     let points: Vec<(f64, f64)> = clock_s.iter().copied().zip(values.iter().copied()).collect();
-    if points.len() <= FINE {
+    if points.len() <= most {
         return points;
     }
     let ends = |segment: &[(f64, f64)]| {
@@ -154,5 +170,5 @@ fn thin_line(clock_s: &[f64], values: &[f64]) -> Vec<(f64, f64)> {
         pick.sort_by(|a, b| a.0.total_cmp(&b.0));
         pick
     };
-    points.chunks(points.len().div_ceil(FINE / 2)).flat_map(ends).collect()
+    points.chunks(points.len().div_ceil(most / 2)).flat_map(ends).collect()
 }

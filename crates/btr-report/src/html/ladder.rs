@@ -1,18 +1,14 @@
-//! Sections shared by the reports of `diagnose` and `fit`: the input, the error ladder, the model before and after, and
-//! the noise floors behind the numbers.
+//! Sections shared by the reports of `diagnose` and `fit`: the input, the error ladder, and the noise floors behind the
+//! numbers.
 
-use super::joints::ComparedLogs;
 use super::page::{Block, Section};
-use super::player::{AS_IT_STANDS, Player, Replayed, ReplayedState};
 use crate::Subject;
 use crate::plot::Ink;
 use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::table::{maybe, number};
 use crate::text::{given, left_out, line, reserve};
-use btr_core::world::WorldError;
 use btr_identify::LadderStep;
-use btr_identify::compare::{ChannelError, Comparison};
-use btr_lab::verbs::{ErrorUnit, HeldOutLogs, JudgedLogs, NoiseFloor, VerbInput};
+use btr_lab::verbs::{ErrorUnit, NoiseFloor, VerbInput};
 use std::path::{Path, PathBuf};
 
 /// Axis label of errors.
@@ -50,79 +46,6 @@ impl Subject<'_> {
         let sentences = reserve(&self.input.doubts, &self.input.not_judged);
         let known = given(&self.input.frozen, &self.input.with_prior());
         without.into_iter().chain(sentences).chain(known).map(Block::Text)
-    }
-
-    /// The judged channels and the joints, with the original model and at the point `u` of its free parameters, and a
-    /// player of both. Where the logs cannot be simulated in the model's own time step, the section says so.
-    pub(super) fn before_and_after(&self, u: &[f64], after: &After) -> (Vec<Section>, Option<Player>) {
-        self.simulated(u, after).unwrap_or_else(|error| {
-            let text = format!("These logs could not be simulated as a whole: {error}.");
-            (vec![Section { title: "Before and after".to_owned(), blocks: vec![Block::Text(text)] }], None)
-        })
-    }
-
-    fn simulated(&self, u: &[f64], is: &After) -> Result<(Vec<Section>, Option<Player>), WorldError> {
-        let judged = self.input.judged();
-        let after = self.input.judge(&judged, u)?;
-        let moved = u.iter().any(|x| *x != 0.0);
-        let before = moved.then(|| self.input.judge(&judged, &vec![0.0; u.len()])).transpose()?;
-        let errors = before.as_ref().map(|before| &before.comparison);
-        let blocks = vec![
-            Block::Text(format!(
-                "The model against {}: {}after: {}. These errors are of whole simulated logs, in noise floors; the errors \
-                 above exclude what uncertain initial states and the time step explain.",
-                judged.names.join(", "),
-                if moved { "before: the original model; " } else { "" },
-                is.words
-            )),
-            channels(errors, &after.comparison),
-        ];
-        let player = self.player(&judged, before.as_ref(), &after, if moved { &is.name } else { AS_IT_STANDS });
-        let problem = ComparedLogs { names: judged.names, logs: judged.logs, before: errors, after: &after.comparison };
-        let first = Section { title: "Before and after".to_owned(), blocks };
-        Ok((std::iter::once(first).chain(problem.sections()).collect(), player))
-    }
-
-    fn player(
-        &self,
-        judged: &HeldOutLogs,
-        before: Option<&JudgedLogs>,
-        after: &JudgedLogs,
-        name: &str,
-    ) -> Option<Player> {
-        fn state<'a>(name: &str, judged: &'a JudgedLogs) -> ReplayedState<'a> {
-            let JudgedLogs { comparison, simulated } = judged;
-            ReplayedState { name: name.to_owned(), comparison, simulated }
-        }
-        let before = before.map(|before| state(AS_IT_STANDS, before));
-        Player::of(&Replayed {
-            model: self.input.problem.model(),
-            names: &judged.names,
-            logs: judged.logs,
-            states: before.into_iter().chain([state(name, after)]).collect(),
-            in_windows: self.input.problem.is_chaotic(),
-        })
-    }
-}
-
-/// The model after a fit or a diagnosis.
-pub(super) struct After {
-    /// What it is, in a sentence.
-    pub(super) words: String,
-    /// The same, on a button.
-    pub(super) name: String,
-}
-
-/// The errors of all channels before and after.
-fn channels(before: Option<&Comparison>, after: &Comparison) -> Block {
-    let chi = |name: &str| before.and_then(|b| b.channels.iter().find(|c| c.name == name)).map(|c| c.chi);
-    let row = |c: &ChannelError| {
-        let before = chi(&c.name).map_or_else(|| "-".to_owned(), number);
-        vec![c.name.clone(), c.unit.clone(), number(c.noise_floor), before, number(c.chi)]
-    };
-    Block::Table {
-        header: ["channel", "unit", "noise floor", "before", "after"].map(str::to_owned).to_vec(),
-        rows: after.channels.iter().map(row).collect(),
     }
 }
 
@@ -214,32 +137,4 @@ pub(super) fn fine_print(input: &VerbInput, floors: &[NoiseFloor], integrator: &
 /// A file's name without its folder, which means nothing to other readers of the report.
 fn file(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-#[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used)]
-
-    use super::*;
-    use btr_lab::experiment::Source;
-
-    #[test]
-    fn logs_that_cannot_be_simulated_are_reported_and_the_rest_stays() {
-        let robots = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
-        let logs = [robots.join("arm/learn_1.csv")];
-        let input = VerbInput::new(Source::read(&robots.join("arm.toml")).unwrap(), &logs, &[]).unwrap();
-        let subject = Subject { input: &input, logs: &logs, held_out: &[] };
-        let parameters = input.problem.parameters().len();
-        let shown = |u: f64| {
-            let mut html = String::new();
-            let after = After { words: String::new(), name: String::new() };
-            let (sections, player) = subject.before_and_after(&vec![u; parameters], &after);
-            assert_eq!(player.is_some(), u.is_finite());
-            sections.iter().flat_map(|section| &section.blocks).for_each(|block| block.write(&mut html));
-            html
-        };
-        let (whole, said) = (shown(0.0), shown(f64::NAN));
-        assert!(whole.contains("Residual in") && !whole.contains("could not be simulated"));
-        assert!(said.contains("could not be simulated as a whole: ") && !said.contains("Residual in"), "{said}");
-    }
 }

@@ -13,6 +13,7 @@ mod ladder;
 mod page;
 mod player;
 mod run;
+mod stages;
 mod views;
 
 pub use compare::compare;

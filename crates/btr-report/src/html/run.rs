@@ -94,8 +94,19 @@ fn player(experiment: &Experiment, best: &BestTest) -> Option<Player> {
     let (logs, names) = ([best.real.clone()], [name.as_str()]);
     let simulated = [[best.before.clone()], [best.after.clone()]];
     let states = [("before", &before, &simulated[0]), ("after", &after, &simulated[1])];
-    let states =
-        states.map(|(name, comparison, simulated)| ReplayedState { name: name.to_owned(), comparison, simulated });
+    let states = states.map(|(name, comparison, simulated)| ReplayedState {
+        name: name.to_owned(),
+        error: None,
+        comparison,
+        simulated,
+    });
     let model = &experiment.model;
-    Player::of(&Replayed { model, names: &names, logs: &logs, states: states.into(), in_windows: false })
+    Player::of(&Replayed {
+        model,
+        names: &names,
+        logs: &logs,
+        states: states.into(),
+        errors_are: None,
+        in_windows: false,
+    })
 }

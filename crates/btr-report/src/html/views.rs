@@ -1,6 +1,6 @@
-//! A joint in one log: its measured position and one or two simulations of it.
+//! A joint in one log: its measured position and simulations of it.
 
-use crate::plot::Ink;
+use crate::plot::{Ink, Series, ShownState};
 use btr_identify::compare::{ChannelResidual, Comparison, JointTrack};
 
 /// Maximum number of points of a line or a scatter plot.
@@ -12,6 +12,8 @@ pub(super) struct JointView<'a> {
     pub(super) name: &'a str,
     pub(super) measured: &'a [f64],
     pub(super) before: Option<SimulatedJoint<'a>>,
+    /// On the way from the one before to the one after, with their names.
+    pub(super) between: Vec<(&'a str, SimulatedJoint<'a>)>,
     pub(super) after: SimulatedJoint<'a>,
 }
 
@@ -43,6 +45,19 @@ impl<'a> JointView<'a> {
             None => vec![(alone, Ink::Main, &self.after)],
             Some(before) => vec![("before", Ink::Third, before), ("after", Ink::Main, &self.after)],
         }
+    }
+
+    /// A series for each simulation, in the order of the player's states. Those between are hidden until one is chosen.
+    pub(super) fn series(&self, alone: &str, draw: impl Fn(&SimulatedJoint, &str, Ink) -> Series) -> Vec<Series> {
+        let Some(before) = &self.before else { return vec![draw(&self.after, alone, Ink::Main)] };
+        let between = self.between.iter().map(|(name, joint)| (joint, *name, Ink::Fourth));
+        let all = std::iter::once((before, "before", Ink::Third)).chain(between);
+        let all = all.chain([(&self.after, "after", Ink::Main)]).enumerate();
+        all.map(|(number, (joint, name, ink))| {
+            let state = ShownState { number, hidden: ink == Ink::Fourth };
+            Series { state: Some(state), ..draw(joint, name, ink) }
+        })
+        .collect()
     }
 
     pub(super) fn unit(&self) -> &str {

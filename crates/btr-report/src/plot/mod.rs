@@ -7,5 +7,5 @@ pub(crate) mod paper;
 pub(crate) mod rows;
 mod svg;
 
-pub(crate) use panel::{Ink, Mark, Panel, Series};
+pub(crate) use panel::{Ink, Mark, Panel, Series, ShownState};
 pub(crate) use svg::{escaped, figure};

@@ -9,6 +9,8 @@ pub(crate) enum Ink {
     Second,
     /// A third curve: what was simulated before.
     Third,
+    /// A fourth curve: what was simulated on the way from there.
+    Fourth,
     /// A value at its bound.
     Alarm,
     /// References: the truth, commands, the noise floor.
@@ -41,17 +43,28 @@ pub(crate) struct Series {
     pub(crate) mark: Mark,
     /// x and y in the units of the axes.
     pub(crate) points: Vec<(f64, f64)>,
+    /// What the series shows of the model's states, if it does.
+    pub(crate) state: Option<ShownState>,
+}
+
+/// One of the states of a model between which the player of a page switches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ShownState {
+    /// Its number.
+    pub(crate) number: usize,
+    /// Whether it is hidden until it is chosen.
+    pub(crate) hidden: bool,
 }
 
 impl Series {
     /// A series with a name for the legend.
     pub(crate) fn new(name: &str, ink: Ink, mark: Mark, points: Vec<(f64, f64)>) -> Self {
-        Series { name: Some(name.to_owned()), ink, mark, points }
+        Series { name: Some(name.to_owned()), ink, mark, points, state: None }
     }
 
     /// A series without a legend entry.
     pub(crate) fn nameless(ink: Ink, mark: Mark, points: Vec<(f64, f64)>) -> Self {
-        Series { name: None, ink, mark, points }
+        Series { name: None, ink, mark, points, state: None }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Renders panels as SVG.
 
 use super::axis::Axis;
-use super::panel::{Ink, Mark, Panel, Series};
+use super::panel::{Ink, Mark, Panel, Series, ShownState};
 use std::fmt::Write;
 
 /// A panel with its labels, and the plot inside it, in px.
@@ -10,6 +10,9 @@ const LEFT: f64 = 66.0;
 const RIGHT: f64 = 16.0;
 const TOP: f64 = 50.0;
 const BOTTOM: f64 = 46.0;
+/// Widths of a letter, of the legend and of the title, in px. The viewer chooses the font, so these are generous.
+const LETTER: f64 = 7.2;
+const TITLE_LETTER: f64 = 8.4;
 
 /// Colours for light paper, and for dark paper where the viewer asks for it. Blue and orange differ for the
 /// colour-blind.
@@ -17,13 +20,13 @@ const STYLE: &str = "<style>
 text{font:12px system-ui,-apple-system,'Segoe UI',Helvetica,Arial,sans-serif;fill:#333}
 .title{font-size:14px;font-weight:600;fill:#111}
 .paper{fill:#fff}.frame{fill:none;stroke:#999}.grid{stroke:#e6e6e6}.mark{stroke:#c4c4c4;stroke-dasharray:2 3}
-.main{stroke:#0b62b0}.second{stroke:#d9730d}.third{stroke:#a3479c}.alarm{stroke:#c5221f}.truth{stroke:#5c5c5c}
-.line,.dots,.span,.stem{fill:none}.strong{font-weight:600}
+.main{stroke:#0b62b0}.second{stroke:#d9730d}.third{stroke:#a3479c}.fourth{stroke:#0f857a}.alarm{stroke:#c5221f}.truth{stroke:#5c5c5c}
+.hidden{display:none}.line,.dots,.span,.stem{fill:none}.strong{font-weight:600}
 .cell{fill:#eee}.heat{fill:#b3261e}.hot{fill:#fff}
 .line{stroke-width:1.8;stroke-linejoin:round}.dashes{stroke-dasharray:6 4}.broad{stroke-width:5;stroke-opacity:.55}.dots{stroke-width:3.4;stroke-linecap:round}
 .pin{stroke-width:8}.span{stroke-width:5;stroke-opacity:.45}.stem{stroke-width:1.4;stroke-opacity:.6}
 @media(prefers-color-scheme:dark){text{fill:#c8c8c8}.title{fill:#eee}.paper{fill:#15181c}.frame{stroke:#666}
-.grid{stroke:#2a2e34}.mark{stroke:#4a4f57}.main{stroke:#5aa9f0}.second{stroke:#f2a154}.third{stroke:#d68ad0}.alarm{stroke:#f28b82}.truth{stroke:#a5a5a5}
+.grid{stroke:#2a2e34}.mark{stroke:#4a4f57}.main{stroke:#5aa9f0}.second{stroke:#f2a154}.third{stroke:#d68ad0}.fourth{stroke:#4cc3b3}.alarm{stroke:#f28b82}.truth{stroke:#a5a5a5}
 .shade{filter:invert(1)}.cell{fill:#23272e}.heat{fill:#e0584e}}
 </style>";
 
@@ -99,7 +102,7 @@ impl Frame {
         });
         line!(out, "<rect class=\"frame\" x=\"{LEFT}\" y=\"{TOP}\" width=\"{width}\" height=\"{height}\"{time}/>");
         for series in &panel.series {
-            self.draw_series(series, out);
+            of_state(series, out, |out| self.draw_series(series, out));
         }
         labels(panel, out);
         legend(panel, out);
@@ -122,6 +125,15 @@ impl Frame {
     }
 }
 
+/// What `draw` writes of a series, for the player to show and to hide.
+fn of_state(series: &Series, out: &mut String, draw: impl FnOnce(&mut String)) {
+    let Some(ShownState { number, hidden }) = series.state else { return draw(out) };
+    let class = if hidden { " class=\"hidden\"" } else { "" };
+    line!(out, "<g data-state=\"{number}\"{class}>");
+    draw(out);
+    line!(out, "</g>");
+}
+
 /// The classes of a mark.
 fn class(mark: Mark) -> &'static str {
     match mark {
@@ -138,6 +150,7 @@ pub(super) fn stroke(ink: Ink, mark: &str) -> String {
         Ink::Main => "main",
         Ink::Second => "second",
         Ink::Third => "third",
+        Ink::Fourth => "fourth",
         Ink::Alarm => "alarm",
         Ink::Truth => "truth",
         Ink::Shade(shade) => {
@@ -158,21 +171,41 @@ fn labels(panel: &Panel, out: &mut String) {
     line!(out, "<text transform=\"translate(16 {middle_y}) rotate(-90)\" text-anchor=\"middle\">{y_label}</text>");
 }
 
-/// The legend, between title and frame, where it covers no data.
+/// The legend, between title and frame, where it covers no data. Names of series that are hidden until they are chosen
+/// stand in one place, to the right of the title.
 fn legend(panel: &Panel, out: &mut String) {
     let mut x = LEFT;
     line!(out, "<g class=\"legend\">");
     for series in &panel.series {
         let Some(name) = &series.name else { continue };
-        let look = stroke(series.ink, class(series.mark));
+        if series.state.is_some_and(|state| state.hidden) {
+            of_state(series, out, |out| beside_title(&panel.title, name, series, out));
+            continue;
+        }
         let y = TOP - 12.0;
         let (from, length) = if series.mark == Mark::Dots { (x + 10.0, 0.01) } else { (x, 20.0) };
-        line!(out, "<path {look} d=\"M{from} {y}h{length}\"/>");
-        line!(out, "<text x=\"{}\" y=\"{}\">{}</text>", x + 25.0, y + 4.0, escaped(name));
-        // The viewer chooses the font, so the width is a generous estimate.
-        x += 42.0 + 7.2 * name.chars().count() as f64;
+        of_state(series, out, |out| {
+            let look = stroke(series.ink, class(series.mark));
+            line!(out, "<path {look} d=\"M{from} {y}h{length}\"/>");
+            line!(out, "<text x=\"{}\" y=\"{}\">{}</text>", x + 25.0, y + 4.0, escaped(name));
+        });
+        x += 42.0 + LETTER * name.chars().count() as f64;
     }
     line!(out, "</g>");
+}
+
+/// A legend's entry at the right end of the title's line, shortened to what the title leaves.
+fn beside_title(title: &str, name: &str, series: &Series, out: &mut String) {
+    let (right, y) = (CELL.0 - RIGHT, 20.0);
+    let left = LEFT + TITLE_LETTER * title.chars().count() as f64;
+    let most = ((right - 40.0 - left) / LETTER).max(4.0) as usize;
+    let short: String = match name.chars().count() > most {
+        true => name.chars().take(most - 1).chain(['…']).collect(),
+        false => name.to_owned(),
+    };
+    let look = stroke(series.ink, class(series.mark));
+    line!(out, "<path {look} d=\"M{} {}h20\"/>", right - 20.0, y - 4.0);
+    line!(out, "<text x=\"{}\" y=\"{y}\" text-anchor=\"end\">{}</text>", right - 25.0, escaped(&short));
 }
 
 /// Text with markup characters escaped.

@@ -323,6 +323,7 @@ impl DiagnosisState {
             step,
             train: chi(self.fit.squares(), objective.samples(LogSet::Learn)),
             held_out: self.held_out.map(|squares| chi(squares, objective.samples(LogSet::HeldOut))),
+            u: self.fit.u.clone(),
         }
     }
 }

@@ -17,7 +17,7 @@ impl LadderRecorder<'_> {
         let train = chi(fit.squares(), objective.samples(LogSet::Learn));
         let held_out = held_out_squares(objective, &fit.u).filter(|_| !objective.logs(LogSet::HeldOut).is_empty());
         let held_out = held_out.map(|squares| chi(squares, objective.samples(LogSet::HeldOut)));
-        let step = LadderStep { step: step.to_owned(), train, held_out };
+        let step = LadderStep { step: step.to_owned(), train, held_out, u: fit.u.clone() };
         (self.on_step)(&step);
         self.steps.push(step);
     }

@@ -17,7 +17,7 @@ use crate::model_text::{Addition, add_scaled};
 use btr_core::log::Log;
 use btr_identify::fit::StartValues;
 use btr_identify::quality::{FEWEST_SAMPLES, Finding, FindingCause};
-use indexmap::IndexMap;
+use indexmap::{IndexMap, IndexSet};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -157,6 +157,15 @@ impl VerbInput {
         let model = &self.problem.model().simulations;
         let values = model.dims().iter().zip(model.nominal()).map(|(dim, value)| (dim.name.clone(), value));
         values.filter(|(name, _)| !self.added.contains(name)).collect()
+    }
+
+    /// What was added to the model, as `effect@site`, or as a value's name.
+    pub fn added_effects(&self) -> IndexSet<String> {
+        let of = |name: &String| match (name.split_once('.'), name.split_once('@')) {
+            (Some((effect, _)), Some((_, site))) => format!("{effect}@{site}"),
+            _ => name.clone(),
+        };
+        self.added.iter().map(of).collect()
     }
 
     /// The file of a log of the problem.

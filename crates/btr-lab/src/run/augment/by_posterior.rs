@@ -53,7 +53,7 @@ pub(super) fn cause(
     let search = CauseSearch { abduction, model, scales, context: &experiment.context, start: run.start().to_vec() };
     let mut ladder = Vec::new();
     let mut record_step = |step: String, fitted: &FittedExtension| {
-        let ladder_step = LadderStep { step, train: fitted.estimated.chi, held_out: fitted.held_out };
+        let ladder_step = LadderStep { step, train: fitted.estimated.chi, held_out: fitted.held_out, u: Vec::new() };
         on_step(&ladder_step);
         ladder.push(ladder_step);
     };

@@ -20,12 +20,16 @@ const option = (text, value, selected = false) => make('option', {textContent: t
 const chooser = (label, options) => make('label', {className: 'choice'},
   make('span', {textContent: label}), make('select', {}, ...options));
 
-/** Buttons of which one is pressed. */
-function choice(label, names, chosen) {
-  const inputs = names.map((name, k) => make('label', {},
-    make('input', {type: 'radio', name: 'motion-state', value: k, checked: k === chosen}),
-    make('span', {textContent: name})));
-  return make('fieldset', {className: 'states'}, make('legend', {textContent: label}), ...inputs);
+/** A name such as `+ effect@site`, which breaks before its site. */
+const breaking = name => name.replace(/^([+-]) /, '$1\u00a0').replaceAll('@', '\u200b@');
+
+/** Buttons for the states of the model, of which one is pressed, with their errors. */
+function choice({states, errors_are}) {
+  const buttons = states.map(({name, error}, k) => make('label', {},
+    make('input', {type: 'radio', name: 'motion-state', value: k, checked: k === 0}),
+    make('span', {}, make('span', {textContent: breaking(name)}), ...(error ? [make('b', {textContent: error})] : []))));
+  const label = errors_are ? `The model: ${errors_are}` : 'The model';
+  return make('fieldset', {className: 'states'}, make('legend', {textContent: label}), ...buttons);
 }
 
 /** A box to tick beside its sample of colour. */
@@ -60,10 +64,11 @@ function stage(cell) {
 }
 
 /** What is shown, and what its colours mean. */
-function side({joints, states, logs}) {
+function side(motion) {
+  const {joints, logs} = motion;
   const log = chooser('Log', logs.map(({name}, k) => option(name, k)));
   log.hidden = logs.length < 2;
-  const state = choice('The model', states, 0), rows = joints.map(jointRow);
+  const state = choice(motion), rows = joints.map(jointRow);
   const [measured, ghost] = [toggle('measured', 'solid'), toggle('model', 'ghost')];
   const legend = make('div', {className: 'legend'}, measured, ghost);
   const list = make('ul', {className: 'joints'}, ...rows.map(({row}) => row));
@@ -78,20 +83,22 @@ function side({joints, states, logs}) {
   };
 }
 
-/** The time. */
-function bar() {
+/** The time; and the states of the model once more, where the player is small. */
+function bar({states}) {
   const play = make('button', {type: 'button', className: 'play', 'aria-label': 'Play', textContent: '▶'});
   const time = make('input', {type: 'range', min: 0, step: 'any', 'aria-label': 'Time'});
   const strip = make('div', {className: 'strip', title: 'The largest error of all joints over time'});
   const track = make('div', {className: 'track'}, strip, time), clock = make('output', {className: 'clock'});
   const speed = chooser('Speed', SPEEDS.map(x => option(`${x} ×`, x, x === 1)));
-  const all = make('div', {className: 'bar'}, play, track, clock, speed);
-  return {play, time, strip, clock, speed: speed.querySelector('select'), bar: all};
+  const stages = make('select', {className: 'stages', 'aria-label': 'The model'},
+    ...states.map(({name, error}, k) => option(error ? `${name}: ${error}` : name, k)));
+  const all = make('div', {className: 'bar'}, play, track, clock, speed, ...(states.length > 1 ? [stages] : []));
+  return {play, time, strip, clock, speed: speed.querySelector('select'), stages, bar: all};
 }
 
 /** All elements of the player of a document. */
 function controls(motion, cell) {
-  const ui = {...stage(cell), ...side(motion), ...bar()};
+  const ui = {...stage(cell), ...side(motion), ...bar(motion)};
   const player = make('div', {className: 'player'}, ui.stage, ui.side, ui.bar);
   const notes = motion.notes.map(textContent => make('p', {className: 'note', textContent}));
   const section = make('section', {id: 'motion'}, make('h2', {textContent: 'Motion'}), player, ...notes);

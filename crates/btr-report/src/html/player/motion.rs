@@ -1,6 +1,7 @@
 //! The motion of logs and of a model's replays of them, for the player: the positions of the joints, frame by frame.
 
 use super::drawing::{DrawnLink, Pose, drawn, pose, rounded};
+use crate::table::number;
 use btr_core::log::{Log, interpolate};
 use btr_identify::compare::Comparison;
 use btr_physics::model::Model;
@@ -10,7 +11,7 @@ use serde::Serialize;
 /// Least time between two frames.
 const FRAME_S: f64 = 0.02;
 /// Numbers in a page at most, or else fewer frames: about eight bytes each.
-const MOST_NUMBERS: usize = 240_000;
+const MOST_NUMBERS: usize = 150_000;
 /// Logs in a page at most, those with the largest errors.
 const MOST_LOGS: usize = 8;
 /// Channels of the pose of a floating base, in the order of [`Pose`].
@@ -26,6 +27,8 @@ pub(in crate::html) struct Replayed<'a> {
     pub(in crate::html) logs: &'a [Log],
     /// States of the model; the first one is shown first.
     pub(in crate::html) states: Vec<ReplayedState<'a>>,
+    /// What the states' errors are.
+    pub(in crate::html) errors_are: Option<String>,
     /// Whether replays start anew from measured states.
     pub(in crate::html) in_windows: bool,
 }
@@ -34,6 +37,8 @@ pub(in crate::html) struct Replayed<'a> {
 pub(in crate::html) struct ReplayedState<'a> {
     /// Its name.
     pub(in crate::html) name: String,
+    /// Its error in all logs.
+    pub(in crate::html) error: Option<f64>,
     /// Its errors in each log.
     pub(in crate::html) comparison: &'a Comparison,
     /// Its simulation of each log.
@@ -51,11 +56,20 @@ pub(super) struct Motion {
     floats: bool,
     /// Whether there is a ground, at height 0.
     ground: bool,
-    /// Names of the model's states.
-    states: Vec<String>,
+    /// The model's states.
+    states: Vec<PlayedState>,
+    /// What their errors are.
+    errors_are: Option<String>,
     logs: Vec<PlayedLog>,
     /// What a viewer has to know.
     notes: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct PlayedState {
+    name: String,
+    /// Its error, as it is shown.
+    error: Option<String>,
 }
 
 #[derive(Debug, Serialize)]
@@ -109,7 +123,8 @@ impl Replayed<'_> {
             root: pose(&robot.start),
             floats,
             ground: self.model.setup.ground.is_some(),
-            states: self.states.iter().map(|state| state.name.clone()).collect(),
+            states: self.states.iter().map(PlayedState::of).collect(),
+            errors_are: self.errors_are.clone(),
             notes: self.notes(&joints, &shown),
             logs,
         })
@@ -205,6 +220,12 @@ impl Replayed<'_> {
             notes.push(format!("The {} logs with the largest errors are played, of {}.", shown.len(), self.logs.len()));
         }
         notes
+    }
+}
+
+impl PlayedState {
+    fn of(state: &ReplayedState) -> Self {
+        PlayedState { name: state.name.clone(), error: state.error.map(number) }
     }
 }
 

@@ -1,8 +1,9 @@
 // Plays the document of the page.
 
 const STAND = [0.45, 0.47, 0.5];
-// The ghost's colours are those of the lines in the plots: the model as it stands beside another one, and the latest.
-const [BEFORE, LATEST] = [[0.66, 0.32, 0.64], [0.13, 0.48, 0.9]];
+// The ghost's colours are those of the lines in the plots: the model as it stands beside another one, on the way, and
+// the latest.
+const [BEFORE, BETWEEN, LATEST] = [[0.66, 0.32, 0.64], [0.06, 0.58, 0.52], [0.13, 0.48, 0.9]];
 
 /** The largest length of 1, 2 or 5 times a power of ten that is not larger. */
 function nice(length) {
@@ -64,10 +65,8 @@ class Player {
     ui.play.addEventListener('click', () => this.run(!this.playing));
     ui.time.addEventListener('input', () => this.show(this.log, Number(ui.time.value)));
     ui.log.addEventListener('change', () => this.show(Number(ui.log.value), this.motion.logs[ui.log.value].time_s[0]));
-    ui.state.addEventListener('change', event => {
-      this.state = Number(event.target.value);
-      this.show(this.log, this.time);
-    });
+    for (const list of [ui.state, ui.stages])
+      list.addEventListener('change', event => this.choose(Number(event.target.value)));
     for (const box of [ui.measured, ui.ghost]) box.addEventListener('change', this.redraw);
     ui.close.addEventListener('click', () => {
       this.closed = true;
@@ -93,6 +92,16 @@ class Player {
       this.closed &&= !isIntersecting;
       this.dock();
     }).observe(ui.section);
+  }
+
+  /** Shows a state of the model, in the plots as well. */
+  choose(state) {
+    const {ui, motion} = this;
+    this.state = state;
+    ui.stages.value = state;
+    ui.state.querySelector(`input[value="${state}"]`).checked = true;
+    this.plots.choose(state, motion.states.length - 1);
+    this.show(this.log, this.time);
   }
 
   /** Beside the plots, the player stays in view in a corner, once it was used. */
@@ -168,8 +177,9 @@ class Player {
       dot.style.background = css(colourOf(error));
       value.textContent = error === null ? 'not judged' : error.toFixed(error < 100 ? 1 : 0);
     });
-    this.latest = this.state === motion.states.length - 1 ? LATEST : BEFORE;
-    ui.swatch.style.background = css(this.latest);
+    const latest = motion.states.length - 1;
+    this.colour = this.state === latest ? LATEST : this.state === 0 ? BEFORE : BETWEEN;
+    ui.swatch.style.background = css(this.colour);
     if (this.renderer) this.picture(state);
     if (this.playing) this.redraw();
   }
@@ -187,7 +197,7 @@ class Player {
       eye,
       camera: projected,
       solid: [...this.stand, ...(ui.measured.checked ? parts(measured, painted) : [])],
-      ghost: ui.ghost.checked ? parts(simulated, () => this.latest) : [],
+      ghost: ui.ghost.checked ? parts(simulated, () => this.colour) : [],
       ground: {
         middle: [x, y, this.ground_m],
         ink: getComputedStyle(canvas).color.match(/\d+/g).slice(0, 3).map(c => c / 255),

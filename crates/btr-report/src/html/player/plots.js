@@ -23,6 +23,15 @@ class Plots {
     });
   }
 
+  /** Shows the lines of a state of the model beside those of the first one; beside the first one, those of the last. */
+  choose(chosen, last) {
+    for (const shown of document.querySelectorAll('[data-state]')) {
+      const state = Number(shown.getAttribute('data-state'));
+      shown.classList.toggle('hidden', state !== 0 && state !== (chosen || last));
+      shown.classList.toggle('faded', state !== chosen);
+    }
+  }
+
   /** Shows the time of a log. */
   show(log, time) {
     for (const {cursor, x, width, ...at} of this.frames) {

@@ -28,9 +28,10 @@ fn motion(names: &[&str], logs: &[Log], simulated: &[Log]) -> Option<Value> {
     let pairs = names.iter().zip(logs).zip(simulated);
     let pairs: Vec<LogPair> = pairs.map(|((name, real), simulated)| LogPair { name, real, simulated }).collect();
     let comparison = compare(&pairs, |_, _, _| Some(0.01));
-    let state = ReplayedState { name: AS_IT_STANDS.to_owned(), comparison: &comparison, simulated };
+    let state = ReplayedState { name: AS_IT_STANDS.to_owned(), error: Some(2.5), comparison: &comparison, simulated };
     let model = input.problem.model();
-    let player = Player::of(&Replayed { model, names, logs, states: vec![state], in_windows: false })?;
+    let player =
+        Player::of(&Replayed { model, names, logs, states: vec![state], errors_are: None, in_windows: false })?;
     assert!(!player.document.contains(['<', '>', '&']), "{}", player.document);
     Some(serde_json::from_str(&player.document).unwrap())
 }
