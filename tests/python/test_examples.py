@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from program import BTR
+
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
 # Examples with cells of text and code that open as notebooks.
@@ -97,6 +99,23 @@ def test_another_simulator_as_the_robot(planted: str, tmp_path: Path) -> None:
     assert added <= without / 2
 
 
+def test_both_robots_in_rerun(tmp_path: Path) -> None:
+    rerun = pytest.importorskip("rerun", reason="the viewer is Rerun: pip install rerun-sdk")
+    if BTR is None:
+        pytest.skip("no btr executable: set BTR, or build it")
+    overlay, recording = tmp_path / "overlay.mcap", tmp_path / "overlay.rrd"
+    arm, log = ROOT / "robots/arm.toml", ROOT / "robots/arm/held_out_1.csv"
+    subprocess.run([BTR, "compare", arm, log, "-o", overlay, "-q"], check=True, stdout=subprocess.DEVNULL)
+    said("rerun_overlay", tmp_path, str(overlay), "--save", str(recording))
+    printed = [sys.executable, "-m", "rerun", "rrd", "print", str(recording)]
+    chunks = subprocess.run(printed, capture_output=True, text=True, check=True).stdout
+    assert rerun.__version__ and "Blueprint" in chunks
+    for entity in ("/tf", "/measured/joint_states/position", "/model/joint_states/position", "/difference/joint_states"):
+        assert f" - {entity} - " in chunks
+    # Rerun has read both robots.
+    assert all(f"/{robot}/visual_geometries/" in chunks for robot in ("measured", "model"))
+
+
 def cells(name: str) -> list[str]:
     """The code of an example, cell by cell."""
     parts = re.split(r"^# %%(.*)\n", (EXAMPLES / f"{name}.py").read_text(), flags=re.MULTILINE)
@@ -130,4 +149,4 @@ def test_the_example_of_the_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_every_example_is_run_here() -> None:
-    assert {path.stem for path in EXAMPLES.glob("*.py")} == {*NOTEBOOKS, "own_effect", "mujoco_reality"}
+    assert {path.stem for path in EXAMPLES.glob("*.py")} == {*NOTEBOOKS, "own_effect", "mujoco_reality", "rerun_overlay"}

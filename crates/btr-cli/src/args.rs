@@ -264,6 +264,9 @@ pub(crate) struct CompareArgs {
     /// Write all plots into one HTML file
     #[arg(long, value_name = "HTML")]
     pub(crate) report: Option<PathBuf>,
+    /// Write the measured and the simulated robot into one MCAP file, for Foxglove and Rerun
+    #[arg(short, long, value_name = "MCAP")]
+    pub(crate) output: Option<PathBuf>,
     /// Exit with 1 if a channel's error exceeds X noise floors
     #[arg(long, value_name = "X", allow_negative_numbers = true)]
     pub(crate) max_chi: Option<f64>,

@@ -50,7 +50,7 @@ pub use channels::mapping::{ForeignName, Mapping, TimeUnit, Topics};
 pub use channels::renamed::renamed;
 pub use error::{IoError, Warning};
 #[cfg(feature = "mcap")]
-pub use mcap::Recording;
+pub use mcap::{MovingFrame, OverlaidRobot, Overlay, Recording, frame_of};
 pub use meta::Meta;
 pub use regular::{read_beginning, read_bytes, read_text, read_text_from};
 pub use stream::read_stream;
@@ -207,6 +207,22 @@ pub fn as_mapped(path: &Path, log: &Log, mapping: &Mapping) -> Result<Log, LogEr
 pub fn can_write_log(path: &Path) -> Result<(), IoError> {
     format(path)?;
     can_write(path).map_err(|source| IoError::File { path: path.to_owned(), source })
+}
+
+/// Writes robots that move beside each other into an MCAP file, for Foxglove and Rerun.
+///
+/// # Errors
+/// [`IoError::File`].
+#[cfg(feature = "mcap")]
+pub fn write_overlay(path: &Path, overlay: &Overlay) -> Result<(), IoError> {
+    let written = atomic::write_whole(path, |out| mcap::write_overlay(overlay, out));
+    written.map_err(|source| IoError::File { path: path.to_owned(), source })
+}
+
+/// Whether a file is one that [`write_overlay`] has written.
+#[cfg(feature = "mcap")]
+pub fn is_overlay(path: &Path) -> bool {
+    std::fs::read(path).is_ok_and(|file| mcap::is_overlay(&file))
 }
 
 /// Writes a log (`.csv`, `.csv.gz`, `.mcap`), whole or not at all. Equal logs give equal bytes. `meta` goes into MCAP

@@ -10,6 +10,7 @@ pub mod identification;
 mod log_quality;
 pub mod meshes;
 pub mod model_text;
+pub mod motion;
 pub mod new_model;
 pub mod output;
 pub mod python;

@@ -23,6 +23,8 @@ pub enum OutputKind {
     FittedModel,
     /// An HTML report.
     Report,
+    /// The measured and a simulated robot, for viewers.
+    Overlay,
     /// A log.
     Log(Overwrite),
     /// A file of another program, whose name ends in one of these.
@@ -97,6 +99,13 @@ impl OutputFile<'_> {
                 }
             }
             OutputKind::Foreign(endings) => self.ends_in(endings, "the output"),
+            OutputKind::Overlay => {
+                self.ends_in(&["mcap"], "this output")?;
+                if self.path.exists() && !btr_io::is_overlay(self.path) {
+                    return Err(refused(format!("{name} exists and may be a recording, which would be lost")));
+                }
+                Ok(())
+            }
             OutputKind::Report => self.ends_in(&["html"], "a report"),
             OutputKind::Log(overwrite) => {
                 btr_io::can_write_log(self.path).map_err(|error| unwritable(&error))?;

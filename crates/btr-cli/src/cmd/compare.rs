@@ -6,8 +6,9 @@ use crate::args::{CompareArgs, Global};
 use crate::exit::{DONE, MISSED};
 use crate::status::Status;
 use crate::terminal::{Tone, note, say, table};
+use btr_core::world::WorldError;
 use btr_lab::failure::Failure;
-use btr_lab::output::{OutputKind, guard, inputs};
+use btr_lab::output::{OutputKind, guard, inputs, unwritable};
 use btr_lab::verbs;
 use btr_lab::verbs::{CompareReport, Doubt};
 use btr_report::html;
@@ -24,7 +25,9 @@ pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
         return Err(Failure::usage(format!("--max-chi {gate} must be a positive number")));
     }
     let source = common::source_of(&args.model, &args.reading, global)?;
-    guard(OutputKind::Report.at(args.report.as_deref()), inputs(&source, args.logs.iter().cloned()))?;
+    let overlay = OutputKind::Overlay.at(args.output.as_deref());
+    let outputs = OutputKind::Report.at(args.report.as_deref()).into_iter().chain(overlay);
+    guard(outputs, inputs(&source, args.logs.iter().cloned()))?;
     let (replays, doubts) = common::replays(&source, [&args.logs, &[]], &args.reading, global)?;
     let of = replays.logs.len();
     let status = Status::new("simulating the logs", global);
@@ -35,6 +38,10 @@ pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
     if let Some(path) = &args.report {
         status.doing("drawing the report");
         write_report(path, &html::compare(&outcome))?;
+    }
+    if let Some(path) = &args.output {
+        let overlay = outcome.overlay().map_err(WorldError::from)?;
+        btr_io::write_overlay(path, &overlay).map_err(|error| unwritable(&error))?;
     }
     drop(status);
     let joints = outcome.verdict().joints;
@@ -47,6 +54,7 @@ pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
         show(&outcome, global.verbose);
     }
     announce(args.report.as_deref(), "the report", global);
+    announce(args.output.as_deref(), "the measured and the simulated robot", global);
     let worst = outcome.comparison.worst().map_or(0.0, |channel| channel.chi);
     let missed = args.max_chi.is_some_and(|gate| worst > gate);
     Ok(if missed { MISSED } else { DONE })

@@ -1,7 +1,7 @@
 //! Where a model fails, and what logs are worth: `btr compare` and `btr check`.
 
 use crate::lab::Lab;
-use btr_io::{Mapping, Meta, read_log, write_log};
+use btr_io::{Mapping, Meta, is_overlay, read_log, write_log};
 use serde_json::Value;
 use std::path::Path;
 
@@ -52,6 +52,21 @@ fn a_right_model_leaves_noise() {
     }
     assert!(found["channels"][0]["fit_percent"].as_f64().unwrap() > 99.0);
     assert!(found["integrator_error"].as_f64().unwrap() < 1.0, "{found}");
+}
+
+#[test]
+fn both_robots_are_written_for_viewers_and_no_recording_is_overwritten() {
+    let lab = lab(FRICTION);
+    lab.ok("convert log.csv log.mcap");
+    lab.ok("compare swing.toml log.csv -o overlay.mcap -q");
+    assert!(is_overlay(&lab.path("overlay.mcap")) && !is_overlay(&lab.path("log.mcap")));
+    // An earlier one may be replaced; a recording may not, nor what is no MCAP file by its name.
+    lab.ok("compare swing.toml log.csv log.csv -o overlay.mcap -q");
+    let before = std::fs::read(lab.path("log.mcap")).unwrap();
+    let refused = |output: &str| lab.complaint(&format!("compare swing.toml log.csv -o {output}"));
+    assert!(refused("log.mcap").contains("may be a recording, which would be lost"));
+    assert_eq!(std::fs::read(lab.path("log.mcap")).unwrap(), before);
+    assert!(refused("overlay.csv").contains("must end in .mcap"));
 }
 
 #[test]

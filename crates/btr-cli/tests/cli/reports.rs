@@ -2,6 +2,7 @@
 
 use crate::compare::{FRICTION, NONE, lab};
 use crate::lab::{Lab, robots};
+use serde_json::Value;
 
 /// The page has all of this, is whole, and asks nobody for anything.
 fn shows(html: &str, all: &[&str]) {
@@ -26,6 +27,12 @@ fn taken_apart(html: &str) -> (String, Vec<&str>) {
         page += rest;
     }
     (page, scripts)
+}
+
+/// What the player of a page shows.
+fn played(html: &str) -> Value {
+    let (_, scripts) = taken_apart(html);
+    serde_json::from_str(scripts[0].split_once('>').unwrap().1).unwrap()
 }
 
 /// Every tag is closed in its order.
@@ -151,17 +158,19 @@ fn a_run_ends_with_where_its_files_are_and_a_fitted_model_says_what_holds_in_it(
 
 #[test]
 fn the_player_has_the_states_of_the_model_that_a_verb_knows() {
-    let states = |html: &str| {
-        let (_, scripts) = taken_apart(html);
-        let document = scripts[0].split("\"states\":").nth(1).unwrap();
-        document.split_inclusive(']').next().unwrap().to_owned()
+    let states = |html: &str| -> Vec<(String, bool)> {
+        let document = played(html);
+        let state = |state: &Value| (state["name"].as_str().unwrap().to_owned(), state["error"].is_string());
+        document["states"].as_array().unwrap().iter().map(state).collect()
     };
+    let named =
+        |names: &[&str]| -> Vec<(String, bool)> { names.iter().map(|name| ((*name).to_owned(), true)).collect() };
     let with_friction = lab(FRICTION);
-    assert_eq!(states(&report(&with_friction, "compare", "")), r#"["as it stands"]"#);
+    assert_eq!(states(&report(&with_friction, "compare", "")), [("as it stands".to_owned(), false)]);
     let fitted = report(&with_friction, "fit", "--add coulomb_friction@hinge");
-    assert_eq!(states(&fitted), r#"["as it stands","fitted"]"#);
+    assert_eq!(states(&fitted), named(&["as it stands", "fitted, with coulomb_friction@hinge"]));
     let found = report(&with_friction, "diagnose", "");
-    assert_eq!(states(&found), r#"["as it stands","fitted, with coulomb_friction on hinge"]"#);
+    assert_eq!(states(&found), named(&["as it stands", "+ coulomb_friction@hinge"]));
 }
 
 #[test]
@@ -174,8 +183,9 @@ fn a_run_has_a_page_with_its_tests_its_parameters_and_its_best_test_before_and_a
         &["Distance to reality<", "mass@bob<", "hinge, real − simulated after<", "error % at first<", "f promised<"],
     );
     assert_eq!(html.matches("<td>done</td>").count(), run["real_tests"].as_u64().unwrap() as usize);
-    let (_, scripts) = taken_apart(&html);
-    assert!(scripts[0].contains(r#""states":["before","after"]"#) && scripts[0].contains(r#""name":"real test "#));
+    let played = played(&html);
+    assert_eq!((&played["states"][0]["name"], &played["states"][1]["name"]), (&"before".into(), &"after".into()));
+    assert!(played["logs"][0]["name"].as_str().unwrap().starts_with("real test "));
     let files = run["files"].as_array().unwrap();
     assert!(files.iter().any(|file| file.as_str().unwrap().ends_with("report.html")), "{files:?}");
 }

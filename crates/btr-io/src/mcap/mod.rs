@@ -6,6 +6,7 @@
 
 mod merge;
 mod other;
+mod overlay;
 mod own;
 mod read;
 mod recording;
@@ -13,6 +14,8 @@ mod ros;
 mod views;
 mod write;
 
+pub use overlay::{MovingFrame, OverlaidRobot, Overlay, frame_of};
+pub(crate) use overlay::{is_overlay, write as write_overlay};
 pub(crate) use read::read;
 pub use recording::Recording;
 pub(crate) use write::write;

@@ -68,7 +68,7 @@ fn at(columns: &[Option<&[f64]>], tick: usize) -> Vec<f64> {
     columns.iter().map(|c| c.map_or(f64::NAN, |values| values[tick])).collect()
 }
 
-fn header(ns: u64, frame: &str) -> Header {
+pub(super) fn header(ns: u64, frame: &str) -> Header {
     Header { stamp: Time::of_ns(ns), frame_id: frame.to_owned() }
 }
 
@@ -82,13 +82,21 @@ const ROTATION: [&str; 4] = ["qx", "qy", "qz", "qw"];
 
 fn quaternion(columns: Option<[&[f64]; 4]>, tick: usize) -> Quaternion {
     match columns {
-        Some([x, y, z, w]) => Quaternion { x: x[tick], y: y[tick], z: z[tick], w: w[tick] },
+        Some(columns) => quaternion_of(columns.map(|values| values[tick])),
         None => Quaternion { w: 1.0, ..Quaternion::default() },
     }
 }
 
 fn vector(columns: Option<[&[f64]; 3]>, tick: usize) -> Vector3 {
-    columns.map_or(Vector3::default(), |[x, y, z]| Vector3 { x: x[tick], y: y[tick], z: z[tick] })
+    columns.map_or(Vector3::default(), |columns| vector_of(columns.map(|values| values[tick])))
+}
+
+pub(super) fn quaternion_of([x, y, z, w]: [f64; 4]) -> Quaternion {
+    Quaternion { x, y, z, w }
+}
+
+pub(super) fn vector_of([x, y, z]: [f64; 3]) -> Vector3 {
+    Vector3 { x, y, z }
 }
 
 /// The channels `imu_acc_x..`, `imu_gyro_x..` and `imu_qx..` as `sensor_msgs/msg/Imu`.

@@ -12,16 +12,11 @@ use std::collections::BTreeMap;
 use std::io::{self, Seek, Write};
 
 /// Time between two poses of the base in `/tf`: viewers draw about 30 frames a second.
-const TF_PERIOD_S: f64 = 1.0 / 30.0;
+pub(super) const TF_PERIOD_S: f64 = 1.0 / 30.0;
 
 /// Writes the log, without wall time or thread counts: equal logs give equal bytes.
 pub(crate) fn write(log: &Log, meta: &Meta, out: impl Write + Seek) -> io::Result<()> {
-    let options = WriteOptions::new()
-        .profile("ros2")
-        .library(concat!("btr ", env!("CARGO_PKG_VERSION")))
-        .chunk_size(Some(256 * 1024))
-        .compression_threads(0);
-    let mut recorder = McapWriter { writer: options.create(out).map_err(why)?, message: Vec::new() };
+    let mut recorder = McapWriter::new(out)?;
     recorder.describe(meta)?;
     let topics = TopicNumbers::new(log, meta, &mut recorder)?;
     let start_ns = ns_after(log, 0);
@@ -40,8 +35,7 @@ pub(crate) fn write(log: &Log, meta: &Meta, out: impl Write + Seek) -> io::Resul
             recorder.send(*channel, ns, &base.message(i, ns))?;
         }
     }
-    recorder.writer.finish().map_err(why)?;
-    Ok(())
+    recorder.finish()
 }
 
 /// The system's own error where there is one: it tells of a full disk.
@@ -53,20 +47,34 @@ fn why(error: McapError) -> io::Error {
 }
 
 /// Nanoseconds of a tick as MCAP counts them: from 0, or from the first tick where that is negative.
-fn ns_after(log: &Log, tick: usize) -> u64 {
+pub(super) fn ns_after(log: &Log, tick: usize) -> u64 {
     let clock = log.clock_s();
     let zero_s = clock.first().copied().unwrap_or(0.0).min(0.0);
     clock.get(tick).map_or(0, |t| ((t - zero_s) * 1e9).round() as u64)
 }
 
 /// An MCAP writer of CDR messages.
-struct McapWriter<W: Write + Seek> {
+pub(super) struct McapWriter<W: Write + Seek> {
     writer: Writer<W>,
     message: Vec<u8>,
 }
 
 impl<W: Write + Seek> McapWriter<W> {
-    fn describe(&mut self, meta: &Meta) -> io::Result<()> {
+    pub(super) fn new(out: W) -> io::Result<Self> {
+        let options = WriteOptions::new()
+            .profile("ros2")
+            .library(concat!("btr ", env!("CARGO_PKG_VERSION")))
+            .chunk_size(Some(256 * 1024))
+            .compression_threads(0);
+        Ok(McapWriter { writer: options.create(out).map_err(why)?, message: Vec::new() })
+    }
+
+    /// Ends the file.
+    pub(super) fn finish(mut self) -> io::Result<()> {
+        self.writer.finish().map(|_| ()).map_err(why)
+    }
+
+    pub(super) fn describe(&mut self, meta: &Meta) -> io::Result<()> {
         let mut notes = meta.notes.clone();
         notes.insert("version".into(), env!("CARGO_PKG_VERSION").into());
         self.writer.write_metadata(&Metadata { name: "btr".into(), metadata: notes }).map_err(why)?;
@@ -82,7 +90,7 @@ impl<W: Write + Seek> McapWriter<W> {
     }
 
     /// Adds a topic if it has a view.
-    fn topic<T: Ros, V>(&mut self, topic: &str, view: Option<V>) -> io::Result<Option<(u16, V)>> {
+    pub(super) fn topic<T: Ros, V>(&mut self, topic: &str, view: Option<V>) -> io::Result<Option<(u16, V)>> {
         let Some(view) = view else { return Ok(None) };
         Ok(Some((self.raw_topic(topic, T::NAME, T::DEFINITION, &BTreeMap::new())?, view)))
     }
@@ -98,7 +106,7 @@ impl<W: Write + Seek> McapWriter<W> {
         self.writer.add_channel(schema, topic, "cdr", metadata).map_err(why)
     }
 
-    fn send<T: Ros>(&mut self, channel_id: u16, ns: u64, message: &T) -> io::Result<()> {
+    pub(super) fn send<T: Ros>(&mut self, channel_id: u16, ns: u64, message: &T) -> io::Result<()> {
         let data = encode(message)?;
         self.write(channel_id, ns, &data)
     }

@@ -1,6 +1,6 @@
 //! Forward kinematics and static holding torques.
 
-use super::{JointKind, Robot};
+use super::{Joint, JointKind, Robot};
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
 /// Poses of all links in the world, for the root's frame at `root` and the movable joints at `q` (rad or m, in the
@@ -14,15 +14,30 @@ pub fn link_poses(robot: &Robot, root: &Isometry3<f64>, q: &[f64], poses: &mut V
             continue;
         };
         let joint = &link.joint;
-        let at_zero = poses[parent] * joint.origin;
-        poses.push(match joint.kind {
+        let q = if joint.moves() { q.next().unwrap_or(0.0) } else { 0.0 };
+        poses.push(joint.at(&poses[parent], q));
+    }
+}
+
+impl Joint {
+    /// Whether it can move.
+    pub fn moves(&self) -> bool {
+        self.kind != JointKind::Fixed
+    }
+
+    /// The link's frame in the parent's frame, at a position in rad or m.
+    pub fn pose(&self, q: f64) -> Isometry3<f64> {
+        self.at(&Isometry3::identity(), q)
+    }
+
+    /// The link's frame in the world, for the parent's frame there.
+    fn at(&self, parent: &Isometry3<f64>, q: f64) -> Isometry3<f64> {
+        let at_zero = parent * self.origin;
+        match self.kind {
             JointKind::Fixed => at_zero,
-            JointKind::Revolute => {
-                let axis = Unit::new_unchecked(joint.axis);
-                at_zero * UnitQuaternion::from_axis_angle(&axis, q.next().unwrap_or(0.0))
-            }
-            JointKind::Prismatic => at_zero * Translation3::from(joint.axis * q.next().unwrap_or(0.0)),
-        });
+            JointKind::Revolute => at_zero * UnitQuaternion::from_axis_angle(&Unit::new_unchecked(self.axis), q),
+            JointKind::Prismatic => at_zero * Translation3::from(self.axis * q),
+        }
     }
 }
 

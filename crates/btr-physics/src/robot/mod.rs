@@ -3,6 +3,7 @@
 //! A link's frame is its joint's frame; at q = 0 it is `joint.origin` away from its parent's frame. Right-handed, SI
 //! units, z up unless the robot's file says otherwise.
 
+mod drawn;
 pub mod kinematics;
 mod neighbours;
 pub(crate) mod point_mass;
@@ -10,6 +11,7 @@ pub mod site;
 pub(crate) mod stretch;
 pub mod urdf;
 
+pub use drawn::DrawnBody;
 pub use neighbours::{Neighbours, Side};
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};

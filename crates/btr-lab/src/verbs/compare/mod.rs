@@ -1,6 +1,7 @@
 //! `compare`: the errors of a model in multiples of the sensors' noise, and where they occur.
 
 mod joint;
+mod overlay;
 mod telling;
 mod verdict;
 mod words;

@@ -8,9 +8,21 @@ use std::fmt::Write;
 /// around the meshes of a link without primitives as visual. What URDF cannot express (actuators, rotor inertia, the
 /// start) is left out.
 pub fn to_urdf(robot: &Robot) -> String {
+    urdf(robot, None)
+}
+
+/// The same for viewers that draw it in a colour: red, green, blue and opacity, from 0 to 1.
+pub fn to_coloured_urdf(robot: &Robot, colour: [f64; 4]) -> String {
+    urdf(robot, Some(colour))
+}
+
+fn urdf(robot: &Robot, colour: Option<[f64; 4]>) -> String {
+    let material = colour.map(|[r, g, b, opacity]| {
+        format!("<material name=\"{}\"><color rgba=\"{r} {g} {b} {opacity}\"/></material>", escaped(&robot.name))
+    });
     let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(&robot.name));
     for link in &robot.links {
-        push_link(&mut out, link);
+        push_link(&mut out, link, material.as_deref());
     }
     for link in &robot.links {
         if let Some(parent) = link.parent {
@@ -25,7 +37,7 @@ macro_rules! line {
     ($out:expr, $($format:tt)*) => {{ let _ = writeln!($out, $($format)*); }};
 }
 
-fn push_link(out: &mut String, link: &Link) {
+fn push_link(out: &mut String, link: &Link, material: Option<&str>) {
     line!(out, "  <link name=\"{}\">", escaped(&link.name));
     if link.mass_kg > 0.0 {
         let (c, i) = (&link.com_m, &link.inertia_kg_m2);
@@ -37,17 +49,20 @@ fn push_link(out: &mut String, link: &Link) {
         line!(out, "    </inertial>");
     }
     for shape in &link.shapes {
-        push_shape(out, shape, "visual");
-        push_shape(out, shape, "collision");
+        push_shape(out, shape, "visual", material);
+        push_shape(out, shape, "collision", None);
     }
-    link.mesh_boxes.iter().filter(|_| link.shapes.is_empty()).for_each(|shape| push_shape(out, shape, "visual"));
+    for shape in link.mesh_boxes.iter().filter(|_| link.shapes.is_empty()) {
+        push_shape(out, shape, "visual", material);
+    }
     line!(out, "  </link>");
 }
 
-fn push_shape(out: &mut String, shape: &Shape, element: &str) {
+fn push_shape(out: &mut String, shape: &Shape, element: &str, material: Option<&str>) {
     line!(out, "    <{element}>");
     line!(out, "      {}", origin(&shape.pose));
     line!(out, "      <geometry>{}</geometry>", geometry(&shape.geometry, element));
+    material.into_iter().for_each(|material| line!(out, "      {material}"));
     line!(out, "    </{element}>");
 }
 

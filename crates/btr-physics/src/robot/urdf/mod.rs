@@ -13,7 +13,7 @@ mod numbers;
 mod tests;
 
 pub use error::{UrdfError, UrdfWarning};
-pub use export::to_urdf;
+pub use export::{to_coloured_urdf, to_urdf};
 pub use meshes::{Mesh, meshes};
 
 use super::{Actuator, Base, Geometry, Joint, JointKind, Link, Mimic, Robot, Shape};

@@ -4,8 +4,9 @@ use super::drawing::{DrawnLink, Pose, drawn, pose, rounded};
 use crate::table::number;
 use btr_core::log::{Log, interpolate};
 use btr_identify::compare::Comparison;
+use btr_lab::motion::{base, has_base, positions, readings};
 use btr_physics::model::Model;
-use btr_physics::robot::{Base, Follower, Joint};
+use btr_physics::robot::{Base, Joint};
 use serde::Serialize;
 
 /// Least time between two frames.
@@ -14,8 +15,6 @@ const FRAME_S: f64 = 0.02;
 const MOST_NUMBERS: usize = 150_000;
 /// Logs in a page at most, those with the largest errors.
 const MOST_LOGS: usize = 8;
-/// Channels of the pose of a floating base, in the order of [`Pose`].
-const BASE: [&str; 7] = ["base_x", "base_y", "base_z", "base_qx", "base_qy", "base_qz", "base_qw"];
 
 /// Logs and what models do with their commands.
 pub(in crate::html) struct Replayed<'a> {
@@ -157,31 +156,18 @@ impl Replayed<'_> {
             name: self.names[log].to_owned(),
             log,
             time_s: frames.samples.iter().map(|k| rounded(frames.clock_s[*k], 1e-4)).collect(),
-            measured: self.measured(real, joints).into_iter().map(|q| Some(frames.of_readings(&q?))).collect(),
+            measured: positions(&self.model.robot, real).into_iter().map(|q| Some(frames.of_readings(&q?))).collect(),
             base: self.measured_base(&frames, real),
             replays: self.states.iter().map(replay).collect(),
         }
     }
 
-    /// Readings of each joint, or of the joint that it follows.
-    fn measured(&self, real: &Log, joints: &[&Joint]) -> Vec<Option<Vec<f64>>> {
-        let own = |joint: &&Joint| readings(real, &format!("q_{}", joint.name));
-        let mut measured: Vec<Option<Vec<f64>>> = joints.iter().map(own).collect();
-        for Follower { joint, leader, ratio, offset } in self.model.robot.followers() {
-            if measured[joint].is_none() {
-                let of_leader = measured[leader].as_ref();
-                measured[joint] = of_leader.map(|q| q.iter().map(|q| ratio * q + offset).collect());
-            }
-        }
-        measured
-    }
-
     fn measured_base(&self, frames: &Frames, real: &Log) -> Option<Vec<Pose>> {
-        self.is_floating().then(|| poses(&BASE.map(|name| Some(frames.of_readings(&readings(real, name)?))))).flatten()
+        self.is_floating().then(|| base(|name| Some(frames.of_readings(&readings(real, name)?)))).flatten()
     }
 
     fn simulated_base(&self, frames: &Frames, simulated: &Log) -> Option<Vec<Pose>> {
-        self.is_floating().then(|| poses(&BASE.map(|name| frames.of_simulation(simulated, name)))).flatten()
+        self.is_floating().then(|| base(|name| frames.of_simulation(simulated, name))).flatten()
     }
 
     fn is_floating(&self) -> bool {
@@ -192,7 +178,7 @@ impl Replayed<'_> {
         let mut notes = Vec::new();
         let measured: Vec<Vec<bool>> = shown
             .iter()
-            .map(|log| self.measured(&self.logs[*log], joints).iter().map(Option::is_some).collect())
+            .map(|log| positions(&self.model.robot, &self.logs[*log]).iter().map(Option::is_some).collect())
             .collect();
         let lacking = joints.iter().enumerate().filter(|(k, _)| measured.iter().any(|log| !log[*k]));
         let lacking: Vec<&str> = lacking.map(|(_, joint)| joint.name.as_str()).collect();
@@ -202,8 +188,7 @@ impl Replayed<'_> {
                 lacking.join(", ")
             ));
         }
-        let base = |log: &usize| BASE.iter().all(|name| readings(&self.logs[*log], name).is_some());
-        if self.is_floating() && !shown.iter().all(base) {
+        if self.is_floating() && !shown.iter().all(|log| has_base(&self.logs[*log])) {
             notes.push("The pose of the base was not measured in every log: there it is the model's.".to_owned());
         }
         let given: Vec<&str> = self.model.robot.prescribed().map(|joint| joint.name.as_str()).collect();
@@ -270,21 +255,4 @@ impl Frames<'_> {
         };
         (!judged.is_empty()).then(|| self.samples.iter().enumerate().map(worst).collect())
     }
-}
-
-/// A channel's readings, the last one held where one is missing, and the first one before it; none without any.
-fn readings(log: &Log, channel: &str) -> Option<Vec<f64>> {
-    let values = &log.channel(channel)?.values;
-    let mut held = *values.iter().find(|x| x.is_finite())?;
-    let hold = |x: &f64| {
-        held = if x.is_finite() { *x } else { held };
-        held
-    };
-    Some(values.iter().map(hold).collect())
-}
-
-/// Poses from their channels; none if one is missing.
-fn poses(channels: &[Option<Vec<f64>>; 7]) -> Option<Vec<Pose>> {
-    let frames = channels.iter().map(|channel| channel.as_ref().map(Vec::len)).min()??;
-    Some((0..frames).map(|k| channels.each_ref().map(|values| values.as_ref().map_or(0.0, |v| v[k]))).collect())
 }
