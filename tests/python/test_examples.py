@@ -110,8 +110,8 @@ def test_both_robots_in_rerun(tmp_path: Path) -> None:
     printed = [sys.executable, "-m", "rerun", "rrd", "print", str(recording)]
     chunks = subprocess.run(printed, capture_output=True, text=True, check=True).stdout
     assert rerun.__version__ and "Blueprint" in chunks
-    for entity in ("/tf", "/measured/joint_states/position", "/model/joint_states/position", "/difference/joint_states"):
-        assert f" - {entity} - " in chunks
+    joints = [f"/{name}/joint_states/position" for name in ("measured", "model", "difference")]
+    assert all(f" - {entity} - " in chunks for entity in ("/tf", *joints))
     # Rerun has read both robots.
     assert all(f"/{robot}/visual_geometries/" in chunks for robot in ("measured", "model"))
 
@@ -149,4 +149,5 @@ def test_the_example_of_the_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_every_example_is_run_here() -> None:
-    assert {path.stem for path in EXAMPLES.glob("*.py")} == {*NOTEBOOKS, "own_effect", "mujoco_reality", "rerun_overlay"}
+    others = {"own_effect", "mujoco_reality", "rerun_overlay"}
+    assert {path.stem for path in EXAMPLES.glob("*.py")} == {*NOTEBOOKS, *others}

@@ -76,7 +76,8 @@ def overlay(tmp_path_factory):
         pytest.skip("no btr executable: set BTR, or build it")
     path = tmp_path_factory.mktemp("overlay") / "overlay.mcap"
     logs = [ROBOTS / "arm" / f"held_out_{k}.csv" for k in (1, 2)]
-    subprocess.run([BTR, "compare", ROBOTS / "arm.toml", *logs, "-o", path, "-q"], check=True, stdout=subprocess.DEVNULL)
+    command = [BTR, "compare", ROBOTS / "arm.toml", *logs, "-o", path, "-q"]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     topics = {}
     with open(path, "rb") as file:
         reader = mcap_reader.make_reader(file, decoder_factories=[mcap_ros2.DecoderFactory()])

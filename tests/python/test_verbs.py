@@ -81,6 +81,21 @@ def test_fitted_numbers_as_a_frame_have_the_ends_of_their_intervals(arm: btr.Mod
     assert friction["low"] < friction["value"] < friction["high"] and not friction["at_bound"]
 
 
+def test_what_is_added_can_be_removed(arm: btr.Model, answer: tuple) -> None:
+    effect, delay = "coulomb_friction@yaw", "command_delay@*"
+    assert arm.add(effect, delay).remove(delay, effect).text == arm.text
+    assert arm.add("armature").remove("armature").text == arm.text
+    # As well at a value that was fitted, where the model states it.
+    found, _ = answer
+    bare = found.model.remove(effect)
+    assert {dim.name for dim in bare.parameters} == {dim.name for dim in arm.parameters}
+    with pytest.raises(btr.BtrError, match="the model has no `coulomb_friction@elbow`") as raised:
+        found.model.remove("coulomb_friction@elbow")
+    assert "it has: coulomb_friction@yaw" in str(raised.value)
+    with pytest.raises(btr.BtrError, match="no effect to remove"):
+        arm.remove()
+
+
 def test_frozen_parameters_keep_their_values(arm: btr.Model) -> None:
     fitted = btr.fit(arm, LEARN[:1], freeze="mass@*")
     must_be_typed(fitted)

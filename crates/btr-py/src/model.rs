@@ -250,6 +250,14 @@ impl Model {
         verbs::add(&self.source, robot, &additions).map_err(Raise::raise)
     }
 
+    /// The text of the model without effects (`coulomb_friction@knee`, or `coulomb_friction` at all sites).
+    fn remove(&self, effects: Vec<String>) -> PyResult<String> {
+        if effects.is_empty() {
+            return Err(raised("no effect to remove", Some("for instance \"coulomb_friction@knee\"".into())));
+        }
+        verbs::remove(&self.source.text, &effects).map_err(Raise::raise)
+    }
+
     /// The text of the model with a user's own law in it; whether that makes sense is said when it is read.
     fn with_law(&self, law: String, site: String, on: String, numbers: Vec<(String, Number)>) -> PyResult<String> {
         let numbers = numbers.into_iter().map(|(name, number)| (name, number.into())).collect();

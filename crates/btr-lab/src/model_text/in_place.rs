@@ -1,7 +1,7 @@
 //! Values of free parameters in the place where a model's file states them: gains under `[actuators]`, parameters of
 //! effects in `[[effects]]`, the ground's friction.
 
-use super::effects_in_place::write_in_effect;
+use super::effects::write_in_effect;
 use super::guesses::set;
 use btr_physics::model::parameter::{Target, motor_values};
 use btr_physics::robot::Robot;

@@ -1,6 +1,6 @@
 //! Writes whole inertial parameters, friction, rotors and offsets of an arm into its model's text.
 
-use super::add_effect::rounded;
+use super::effects::rounded;
 use btr_physics::effects::{FORMULA, SiteKind, find};
 use btr_physics::inertials::StatedInertials;
 use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TomlError, Value, value};

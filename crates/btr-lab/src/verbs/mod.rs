@@ -19,7 +19,7 @@ pub use crate::identification::{
 };
 pub use crate::log_quality::in_common::{CommonFinding, in_common};
 pub use crate::log_quality::repeats::{Drift, RepeatReport, RepeatedChannel, RepeatedRegime, RunOutlier};
-pub use crate::model_text::{AddError, Addition, OwnLaw, OwnNumber, add, add_law};
+pub use crate::model_text::{AddError, Addition, OwnLaw, OwnNumber, RemoveError, add, add_law, remove};
 pub use adds_to::AddsTo;
 pub use base_parameters::{BaseReport, PossibleBody, PossibleReport, base_parameters};
 pub use check::{CheckReport, DeadTimeReport, IdentifiabilityReport, check};

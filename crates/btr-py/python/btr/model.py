@@ -194,6 +194,12 @@ class Model:
         effect or site."""
         return self._with_text(self._model.add(list(effects)))
 
+    def remove(self, *effects: str) -> Model:
+        """The model without effects and their parameters, free or not: the reverse of `add`. `"coulomb_friction@knee"`
+        names the site as the model's text does, and `"coulomb_friction"` means all sites. Raises `BtrError` for an
+        effect that the model does not have there."""
+        return self._with_text(self._model.remove(list(effects)))
+
     def add_law(self, law: str | Law, /, *, site: str, on: str = "torque", **parameters: Number) -> Model:
         """The model with a user-defined physical effect at the joints `site`. On a `torque`, the law's value (in N·m or
         N) is added to the motor's. On the `command` that reaches the servo, or on the `reading` of the position that

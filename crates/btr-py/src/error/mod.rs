@@ -12,7 +12,7 @@ use btr_io::IoError;
 use btr_lab::distributed::DistributedError;
 use btr_lab::experiment::FileError;
 use btr_lab::failure::Failure;
-use btr_lab::verbs::{AddError, ProblemError};
+use btr_lab::verbs::{AddError, ProblemError, RemoveError};
 use pyo3::PyErr;
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
@@ -65,6 +65,12 @@ impl Raise for IoError {
 }
 
 impl Raise for AddError {
+    fn raise(self) -> PyErr {
+        raised(self.to_string(), self.help())
+    }
+}
+
+impl Raise for RemoveError {
     fn raise(self) -> PyErr {
         raised(self.to_string(), self.help())
     }

@@ -1,6 +1,6 @@
 //! Writes a user-defined law into a model file, with fixed or free parameters.
 
-use super::add_effect::AddError;
+use super::add::AddError;
 use crate::experiment::Source;
 use btr_physics::effects::FORMULA;
 use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value, value};

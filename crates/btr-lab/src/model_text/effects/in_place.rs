@@ -1,13 +1,13 @@
 //! Values of free parameters in `[[effects]]`.
 
-use super::guesses::set;
+use crate::model_text::guesses::set;
 use btr_physics::model::parameter::Target;
 use btr_physics::robot::Robot;
 use btr_physics::robot::site::{instance, matches, numbered};
 use toml_edit::{DocumentMut, Item, Table, TableLike, Value, value};
 
 /// Writes a parameter of an effect at a site where the file states that effect; whether it does.
-pub(super) fn write_in_effect(
+pub(in crate::model_text) fn write_in_effect(
     document: &mut DocumentMut,
     robot: &Robot,
     target: &Target,
@@ -35,7 +35,7 @@ fn is_of(entry: &dyn TableLike, effect: &str) -> bool {
     entry.get("effect").and_then(Item::as_str) == Some(effect)
 }
 
-fn site_of(entry: &dyn TableLike) -> &str {
+pub(super) fn site_of(entry: &dyn TableLike) -> &str {
     entry.get("site").and_then(Item::as_str).unwrap_or("*")
 }
 

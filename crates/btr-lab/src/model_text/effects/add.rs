@@ -1,7 +1,7 @@
 //! `add`: writes effects, and values of the model, into its file as free parameters.
 
-use super::patterns::stands_for;
 use crate::experiment::Source;
+use crate::model_text::patterns::stands_for;
 use crate::scales::RobotScales;
 use crate::suggest::suggestion;
 use btr_core::text::{Text, Verb};
@@ -262,7 +262,7 @@ fn off(param: &Param) -> String {
 }
 
 /// Rounds a bound to two digits.
-pub(super) fn rounded(x: f64) -> f64 {
+pub(in crate::model_text) fn rounded(x: f64) -> f64 {
     format!("{x:.1e}").parse().unwrap_or(x)
 }
 
