@@ -12,6 +12,9 @@ const OTHER_LAGS_S: [f64; 4] = [0.02, 0.05, 0.1, 0.2];
 const TURN: f64 = 0.25;
 /// Most sizes that are tried.
 const MOST: usize = 4000;
+/// How many of the best sizes are tried more finely, and at how many sizes up to the next ones on either side: where a
+/// command has few values, a size that is wrong by a tenth of a percent rounds some of them to other steps.
+const FINER: (usize, i32) = (24, 16);
 /// Least share of an error that a size must explain.
 const SHARE: f64 = 0.1;
 
@@ -84,21 +87,33 @@ pub fn sizes(
         return Vec::new();
     }
     let first = (1.0 / (range * turn)) as usize;
-    let tried: Vec<f64> = (first.max(1)..=first + periods as usize).map(|k| 1.0 / (k as f64 * turn)).collect();
-    let explained = |&size: &f64| {
+    let tried: Vec<f64> = (first.max(1)..=first + periods as usize).map(|k| k as f64 * turn).collect();
+    let explained = |&inverse: &f64| {
+        let size = 1.0 / inverse;
         let overlaps = errors.iter().enumerate().map(|(i, error)| error.overlap(&change(size, i)));
         let (product, square) = overlaps.fold((0.0, 0.0), |(a, b), (product, square)| (a + product, b + square));
         if product > 0.0 { product * product / square } else { 0.0 }
     };
-    let explained: Vec<f64> = tried.par_iter().map(explained).collect();
+    let of_tried: Vec<f64> = tried.par_iter().map(explained).collect();
     let all: f64 = errors.iter().map(|error| dot(&error.error, &error.error)).sum();
-    let at = |k: Option<usize>| k.and_then(|k| explained.get(k)).copied().unwrap_or(0.0);
-    let is_peak = |&k: &usize| explained[k] >= at(k.checked_sub(1)) && explained[k] > at(Some(k + 1));
-    let peaks = (0..tried.len()).filter(is_peak).filter(|&k| explained[k] > SHARE * all);
-    let mut peaks: Vec<(f64, f64)> = peaks.map(|k| (tried[k], explained[k])).collect();
-    peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
-    peaks.truncate(count);
-    peaks
+    let at = |k: Option<usize>| k.and_then(|k| of_tried.get(k)).copied().unwrap_or(0.0);
+    let is_peak = |&k: &usize| of_tried[k] >= at(k.checked_sub(1)) && of_tried[k] > at(Some(k + 1));
+    let peaks = (0..tried.len()).filter(is_peak).filter(|&k| of_tried[k] > SHARE * all);
+    let peaks = best(peaks.map(|k| (tried[k], of_tried[k])).collect(), FINER.0);
+    let finer = |&(inverse, share): &(f64, f64)| {
+        let beside = (-FINER.1..=FINER.1).map(|k| inverse + turn * f64::from(k) / f64::from(FINER.1 + 1));
+        let beside = beside.map(|inverse| (inverse, explained(&inverse))).filter(|(_, explained)| *explained > share);
+        beside.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((inverse, share))
+    };
+    let peaks = best(peaks.par_iter().map(finer).collect(), count);
+    peaks.into_iter().map(|(inverse, explained)| (1.0 / inverse, explained)).collect()
+}
+
+/// Those that explain most, best first.
+fn best(mut all: Vec<(f64, f64)>, count: usize) -> Vec<(f64, f64)> {
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
+    all.truncate(count);
+    all
 }
 
 /// A value behind a first-order lag that begins at its first value.
@@ -149,6 +164,18 @@ mod tests {
             let (found, _) = sizes(&errors, 1e-3, 2, |size, _| rounded(&told, size))[0];
             assert!((found / size - 1.0).abs() < 0.01, "{found} instead of {size}");
         }
+    }
+
+    #[test]
+    fn a_step_is_found_where_the_command_has_few_values() {
+        let goals = [0.2013, 0.3026, 0.3284, 0.3414, 0.385, 0.4472, 0.533, 0.5929, 0.6056, 0.6736, 0.7233, 0.925];
+        let told: Vec<f64> = (0..720).map(|i| goals[(7 * (i / 60)) % goals.len()]).collect();
+        let size = 0.022_282_559;
+        let error = lagged(&rounded(&told, size), 0.06, STEP_S);
+        let errors = [ErrorOfCommand::new(&error, &told, STEP_S).unwrap()];
+        let (found, explained) = sizes(&errors, 1e-3, 2, |size, _| rounded(&told, size))[0];
+        assert!((found / size - 1.0).abs() < 5e-4, "{found} instead of {size}");
+        assert!(explained > 0.9 * dot(&errors[0].error, &errors[0].error), "{explained}");
     }
 
     #[test]
