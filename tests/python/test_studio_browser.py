@@ -75,6 +75,11 @@ def errors(page: "playwright.Page") -> list[float]:
     return [float(number) for number in re.findall(r"\d+\.\d+", told)]
 
 
+def weight(shown: "playwright.Locator") -> str:
+    """How bold a text is."""
+    return str(shown.evaluate("shown => getComputedStyle(shown).fontWeight"))
+
+
 def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_path: Path) -> None:
     page.get_by_text("x the noise floor (").first.wait_for()
     assert min(errors(page)) > 5.0
@@ -95,11 +100,13 @@ def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_p
     page.get_by_role("button", name="What is missing?").click()
     add = page.get_by_role("button", name=f"Add {FRICTION}", exact=True)
     add.wait_for()
-    assert page.get_by_text(f"missing: {FRICTION}").count() == 1
+    missing, earlier = page.get_by_text(f"missing: {FRICTION}"), page.get_by_text("about an earlier model")
+    assert missing.count() == 1 and weight(missing) == "600" and page.get_by_text("next: fitted").count() == 0
 
     page.get_by_role("button", name=f"Preview {FRICTION}", exact=True).click()
     page.get_by_text(f"preview: + {FRICTION}").wait_for()
     assert max(errors(page)) < 1.2
+    page.get_by_text("values without the preview").wait_for()
     page.get_by_role("button", name=f"End preview of {FRICTION}", exact=True).click()
     page.get_by_text(f"preview: + {FRICTION}").wait_for(state="detached")
     assert min(errors(page)) > 5.0
@@ -108,6 +115,12 @@ def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_p
     page.get_by_role("button", name=f"Remove {FRICTION}", exact=True).wait_for()
     page.get_by_text("every joint is within").wait_for()
     assert max(errors(page)) < 1.2
+    earlier.wait_for()
+    assert weight(missing) == "400"
+    page.get_by_role("button", name="What is missing?").click()
+    page.get_by_text("nothing is missing").wait_for()
+    assert earlier.count() == missing.count() == 0
+    assert page.get_by_role("button", name=re.compile("^Preview ")).count() == 0, "no suspects"
 
     page.get_by_role("button", name="Save model, report and scripts").click()
     page.get_by_text("saved:").wait_for()
@@ -117,6 +130,15 @@ def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_p
     page.get_by_role("button", name="Undo", exact=True).click()
     page.get_by_text("x the noise floor (").first.wait_for()
     assert min(errors(page)) > 5.0
+    missing.wait_for()
+    assert weight(missing) == "600" and earlier.count() == page.get_by_text("nothing is missing").count() == 0
+
+    page.get_by_role("button", name=f"Preview {FRICTION}", exact=True).click()
+    page.get_by_text(f"preview: + {FRICTION}").wait_for()
+    page.get_by_role("button", name="Save model, report and scripts").click()
+    page.get_by_text("saved, without the preview, which has ended").wait_for()
+    page.get_by_text(f"preview: + {FRICTION}").wait_for(state="detached")
+    assert "coulomb_friction.torque@yaw" not in btr.load_model(tmp_path / "arm-studio-2.toml").values
 
 
 @contextlib.contextmanager

@@ -5,6 +5,7 @@ import math
 import shlex
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -80,7 +81,7 @@ def test_a_value_that_is_wrong_is_a_suspect() -> None:
     estimate = {"name": "mass@upper", "unit": "kg", "value": 0.5, "ci95": None, "at_bound": True, "by_bounds": False}
     value = {"value": "mass", "site": "upper", "alike": [], "probability": 0.9, "established": True}
     report = {**value, "parameters": [{**estimate, "in_model": 0.7}]}
-    document = {"effects": [], "wrong_values": [report], "ranking": []}
+    document = {"verdict": "value_wrong", "effects": [], "wrong_values": [report], "ranking": []}
     (card,) = candidates(btr.DiagnoseResult(document, None, None, None))
     assert card.names == ("mass@upper",)
     assert card.law == "mass@upper: 0.5 kg in the logs, 0.7 in the model"
@@ -129,6 +130,60 @@ def test_what_is_saved_in_a_preview_is_the_present_model(arm: Session, tmp_path:
     saved = arm.save()
     assert btr.load_model(saved.model).values == arm.history[0].model.values
     assert "coulomb_friction" not in saved.report.read_text()
+    assert arm.previewed is None, "what is shown is what was saved"
+
+
+def test_a_diagnosis_belongs_to_its_model(arm: Session) -> None:
+    first = arm.diagnose()
+    missing, ladder = arm.diagnosis, arm.ladder
+    assert arm.is_diagnosed and missing.verdict == "effect_missing" and len(ladder) > 1
+    arm.add([FRICTION])
+    assert arm.diagnosis is missing and not arm.is_diagnosed and arm.ladder is not ladder
+    assert arm.diagnose() == [] and arm.is_diagnosed
+    nothing = arm.diagnosis
+    assert nothing.verdict == "nothing_missing" and nothing.ranking, "what was tried is no suspect"
+    arm.remove([FRICTION])
+    assert arm.diagnosis is missing and not arm.is_diagnosed, "that of the model to which the same was added"
+    assert arm.candidates == first
+    assert arm.undo().diagnosis is nothing and arm.diagnosis is nothing and arm.is_diagnosed
+    arm.undo()
+    assert arm.diagnosis is missing and arm.is_diagnosed and arm.ladder is ladder and arm.candidates == first
+
+
+def test_a_diagnosis_keeps_the_values_set_by_hand(arm: Session) -> None:
+    arm.set_values({"kp@yaw": 19.0})
+    arm.diagnose(lambda: arm.set_values({"kp@yaw": 18.5}))
+    assert arm.model.values["kp@yaw"] == 18.5 and arm.diagnosis is not None and not arm.is_diagnosed
+    arm.undo()
+    assert arm.model.values["kp@yaw"] == 19.0 and arm.is_diagnosed
+    arm.set_values({"kp@yaw": 18.0})
+    assert not arm.is_diagnosed
+    assert arm.undo().diagnosis is arm.diagnosis and arm.is_diagnosed
+
+
+def test_what_was_added_is_no_suspect(arm: Session) -> None:
+    arm.diagnose()
+    assert FRICTION in [name for suspect in arm.candidates for name in suspect.names] and arm.added == []
+    arm.add([FRICTION])
+    assert arm.candidates and FRICTION not in [name for suspect in arm.candidates for name in suspect.names]
+    (added,) = arm.added
+    assert added.names == (FRICTION,) and "sign(dq)" in added.law
+
+
+def test_the_page_tells_no_call_of_the_library(diagnosed: Diagnosed) -> None:
+    found = diagnosed.session.diagnosis
+    assert "btr.fit" in found._headline() and "btr." not in found._finding()
+    assert found._finding().startswith(f"missing: {FRICTION}")
+
+
+def test_rivals_without_an_experiment_are_told() -> None:
+    told = pytest.importorskip("btr._studio.cause", reason="the studio needs viser").told_next
+    effect = SimpleNamespace(alike=["backlash@yaw", "tilt@base"])
+    alone = SimpleNamespace(next_experiment=None, effects=[effect], wrong_values=[SimpleNamespace(alike=["tilt@base"])])
+    sentence = "No motion in the range of these logs separates what was found from backlash@yaw, tilt@base."
+    assert sentence in told(alone)
+    effect.alike, alone.wrong_values = [], []
+    assert told(alone) == ""
 
 
 def test_the_motion_of_the_next_experiment_is_shown() -> None:

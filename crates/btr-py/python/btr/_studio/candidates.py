@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Union
 
 from btr._btr import BtrError
@@ -44,11 +44,20 @@ class Candidate:
 
 
 def candidates(found: DiagnoseResult) -> list[Candidate]:
-    """The suspects of a diagnosis: what it names, then the best of those that it tried beside."""
+    """The suspects of a diagnosis: what it names, then the best of those that it tried beside. None if nothing is
+    missing."""
+    if found.verdict == "nothing_missing":
+        return []
     named = [_effect(effect) for effect in found.effects] + [_value(value) for value in found.wrong_values]
     known = {name for candidate in named for name in candidate.names}
     others = [ranked for ranks in found.ranking[:1] for ranked in ranks if ranked.name not in known]
     return named + [_other(ranked) for ranked in others[:MOST_OTHERS]]
+
+
+def plain(name: str) -> Candidate:
+    """An effect or a value by its name alone."""
+    law, shows = _law(name.partition("@")[0])
+    return Candidate((name,), law, shows, (), None, False, (), None)
 
 
 def _effect(report: EffectReport) -> Candidate:
@@ -81,8 +90,7 @@ def _value(report: ValueReport) -> Candidate:
 
 
 def _other(ranked: RankedCandidate) -> Candidate:
-    law, shows = _law(ranked.name.partition("@")[0])
-    return Candidate((ranked.name,), law, shows, (), None, False, (), ranked.held_out)
+    return replace(plain(ranked.name), held_out=ranked.held_out)
 
 
 def _law(effect: str) -> tuple[str, str]:

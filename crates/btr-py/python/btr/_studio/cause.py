@@ -12,12 +12,15 @@ from btr._studio import panels
 from btr._studio.candidates import Candidate
 from btr._studio.session import Session
 from btr.documents import Dimension
+from btr.results import DiagnoseResult
 
 Names = Sequence[str]
 
+PREVIEWED = "values without the preview; changing one ends the preview"
+
 
 class Candidates:
-    """Cards of suspects, each with buttons."""
+    """Cards of suspects and of what was added, each with buttons."""
 
     def __init__(
         self,
@@ -28,7 +31,8 @@ class Candidates:
     ) -> None:
         """`preview` is called with a suspect to show, and with none to end that."""
         self._gui, self._add, self._remove, self._preview = server.gui, add, remove, preview
-        self._place = self._gui.add_folder("Suspects", visible=False)
+        self._suspects = self._gui.add_folder("Suspects", visible=False)
+        self._added = self._gui.add_folder("Added", visible=False)
         self._shown: list[Any] = []
         self.buttons: list[Any] = []
         """The buttons of the cards."""
@@ -40,14 +44,14 @@ class Candidates:
         self._shown, self.buttons = [], []
         added = session.step.added
         shown = () if session.previewed is None else session.previewed.added[len(added) :]
-        known = session.candidates
-        listed = {name for candidate in known for name in candidate.names}
-        others = [Candidate((name,), "", "", (), None, False, (), None) for name in added if name not in listed]
-        self._place.visible = bool(known or others)
-        with self._place:
-            for candidate in [*known, *others]:
-                is_added = all(name in added for name in candidate.names)
-                self._card(candidate, is_added=is_added, is_shown=candidate.names == shown)
+        suspects, in_model = session.candidates, session.added
+        self._suspects.visible, self._added.visible = bool(suspects), bool(in_model)
+        with self._suspects:
+            for candidate in suspects:
+                self._card(candidate, is_added=False, is_shown=candidate.names == shown)
+        with self._added:
+            for candidate in in_model:
+                self._card(candidate, is_added=True, is_shown=False)
 
     def _card(self, candidate: Candidate, *, is_added: bool, is_shown: bool) -> None:
         is_open = candidate.established or is_added or is_shown
@@ -82,13 +86,21 @@ class NextExperiment:
         self._button.on_click(lambda _: end() if self._is_shown else show())
 
     def load(self, session: Session) -> None:
-        """Shows what the diagnosis of the session proposes, if it does."""
-        proposed = None if session.diagnosis is None else session.diagnosis.next_experiment
-        can_move = session.diagnosis is not None and session.diagnosis.next_commands is not None
-        self._place.visible, self._button.visible = proposed is not None, can_move
-        self._told.content = "" if proposed is None else panels.next_experiment(proposed)
+        """Shows what the diagnosis of the session proposes, or why it proposes nothing that separates rivals."""
+        found = session.diagnosis
+        self._told.content = "" if found is None else told_next(found)
+        self._place.visible = self._told.content != ""
+        self._button.visible = found is not None and found.next_commands is not None
         self._is_shown = session.motion is not None
         self._button.label = "Back to the log" if self._is_shown else "Show its motion"
+
+
+def told_next(found: DiagnoseResult) -> str:
+    """The next experiment, or why there is none; empty without rivals."""
+    if found.next_experiment is not None:
+        return panels.next_experiment(found.next_experiment)
+    rivals = [rival for support in [*found.effects, *found.wrong_values] for rival in support.alike]
+    return panels.no_experiment(list(dict.fromkeys(rivals))) if rivals else ""
 
 
 class Sliders:
@@ -97,10 +109,20 @@ class Sliders:
     def __init__(self, server: viser.ViserServer, change: Callable[[str, float], None]) -> None:
         self._gui, self._change = server.gui, change
         self._place = self._gui.add_folder("Free parameters")
+        with self._place:
+            self._preview = self._gui.add_html(panels.note(PREVIEWED), visible=False)
         self._sliders: dict[str, Any] = {}
 
-    def load(self, parameters: Sequence[Dimension], values: Mapping[str, float]) -> None:
-        """Shows these parameters at their values."""
+    def load(self, session: Session) -> None:
+        """Shows the parameters of the present model at their values."""
+        self.tell(session)
+        self._load(session.model.parameters, session.model.values)
+
+    def tell(self, session: Session) -> None:
+        """Says whether a preview is shown, whose values these are not."""
+        self._preview.visible = session.previewed is not None
+
+    def _load(self, parameters: Sequence[Dimension], values: Mapping[str, float]) -> None:
         for name in [name for name in self._sliders if name not in values]:
             self._sliders.pop(name).remove()
         for dim in parameters:

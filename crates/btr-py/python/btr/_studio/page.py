@@ -111,7 +111,6 @@ class Page:
 
     def _on_undo(self) -> None:
         step = self._session.undo()
-        self._told.content = panels.ladder(self._session.ladder, "")
         self._changed(step)
 
     def _on_value(self, name: str, value: float) -> None:
@@ -121,8 +120,6 @@ class Page:
 
     def _diagnose(self) -> None:
         self._session.diagnose(self._tell)
-        found = self._session.diagnosis
-        self._verdict.content = "" if found is None else panels.verdict(found._headline())
         self._changed(self._session.step)
 
     def _previewed(self, names: Names) -> None:
@@ -146,9 +143,12 @@ class Page:
         self._changed(step)
 
     def _write(self) -> None:
+        was_preview = self._session.previewed is not None
         saved = self._session.save()
+        self._changed(self._session.step)
+        head = "saved, without the preview, which has ended" if was_preview else "saved"
         files = [path for path in (saved.model, saved.report, saved.shell, saved.python) if path is not None]
-        self._saved.content = panels.note("saved:\n" + "\n".join(str(path) for path in files))
+        self._saved.content = panels.note(f"{head}:\n" + "\n".join(str(path) for path in files))
 
     # How work runs.
 
@@ -202,11 +202,18 @@ class Page:
         """Shows another step."""
         with self._lock:
             self._changes.clear()
-        self._sliders.load(step.model.parameters, step.model.values)
-        self._candidates.load(self._session)
-        self._next.load(self._session)
+        self._sliders.load(self._session)
+        self._show_cause()
         self._undo.disabled = len(self._session.history) == 1
         self._redraws.ask()
+
+    def _show_cause(self) -> None:
+        """Shows what the diagnosis says of the present step, and the steps of its ladder."""
+        found, is_current = self._session.diagnosis, self._session.is_diagnosed
+        self._verdict.content = "" if found is None else panels.verdict(found._finding(), is_current=is_current)
+        self._told.content = panels.ladder(list(self._session.ladder), "")
+        self._candidates.load(self._session)
+        self._next.load(self._session)
 
     def _draw(self, is_stale: Callable[[], bool]) -> None:
         """Shows the chosen log, then the errors if nothing newer is asked for."""
@@ -215,11 +222,12 @@ class Page:
         try:
             if changes:
                 was_preview = self._session.previewed is not None or self._session.motion is not None
+                steps = len(self._session.history)
                 self._session.set_values(changes)
                 self._undo.disabled = False
-                if was_preview:
-                    self._candidates.load(self._session)
-                    self._next.load(self._session)
+                if was_preview or len(self._session.history) != steps:
+                    self._sliders.tell(self._session)
+                    self._show_cause()
             number = self._view.run
             part = self._session.part(number, self._view.player.time_s) if changes else None
             if part is not None:
@@ -264,6 +272,6 @@ class Page:
         scripts: Any = [write(first, session.runs, step.added, step.by_hand) for write in (shell, python)]
         self._commands.content = panels.commands(*scripts)
         if is_first:
-            self._sliders.load(step.model.parameters, step.model.values)
+            self._sliders.load(self._session)
             self._view.choose_worst()
             self._redraws.ask()

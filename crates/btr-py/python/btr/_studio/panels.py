@@ -153,13 +153,22 @@ def next_experiment(proposed: NextExperiment) -> str:
     return box(f'{escape(proposed.sentence)}<span style="{MUTED}">{rivals}</span>', "font-size:12px")
 
 
+def no_experiment(rivals: Sequence[str]) -> str:
+    """Why there is nothing to do next that would tell what was found from its rivals."""
+    told = f"No motion in the range of these logs separates what was found from {', '.join(rivals)}."
+    return box(escape(told), "font-size:12px")
+
+
 def _percent(share: float) -> str:
     return "> 99 %" if share > 0.99 else f"{100 * share:.0f} %"
 
 
-def verdict(headline: str) -> str:
-    """What a diagnosis says."""
-    return box("<br>".join(map(escape, headline.splitlines())), "font-weight:600")
+def verdict(finding: str, *, is_current: bool) -> str:
+    """What a diagnosis says, of the present model or of an earlier one."""
+    text = "<br>".join(map(escape, finding.splitlines()))
+    if is_current:
+        return box(text, "font-weight:600")
+    return box("This diagnosis is about an earlier model: ask again what is missing.") + box(text, SMALL)
 
 
 def note(text: str) -> str:

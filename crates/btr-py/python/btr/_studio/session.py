@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Union
 
@@ -15,7 +15,7 @@ from btr import _sources, _warnings
 from btr._btr import BtrError, Log
 from btr._inputs import wrong
 from btr._sources import LogLike, Logs
-from btr._studio.candidates import Candidate, candidates
+from btr._studio.candidates import Candidate, candidates, plain
 from btr._studio.replay import Replay, Run, begun, error, replayed
 from btr._studio.saved import Saved, save
 from btr._studio.work import Batches
@@ -57,6 +57,10 @@ class Step:
     """The error of this model; None until `Session.compare`."""
     replays: dict[int, Replay] = field(default_factory=dict)
     """Simulations so far, by the number of the run."""
+    ladder: Ladder = field(default_factory=list)
+    """Steps of the diagnosis of this model, or of the fit that it comes from."""
+    diagnosis: Union[DiagnoseResult, None] = None
+    """What this model lacks; None until `Session.diagnose`."""
 
 
 class Session:
@@ -84,15 +88,14 @@ class Session:
         self.history = [Step("model as it stands", first)]
         self.floors: dict[str, float] = {}
         """Noise floors of the compared channels, in their units, 0 where there is no noise; empty until `compare`."""
-        self.ladder: Ladder = []
-        """The steps of the diagnosis or fit that runs, or ran last."""
-        self.diagnosis: Union[DiagnoseResult, None] = None
         self.previewed: Union[Step, None] = None
         """What a suspect would make of the model; None while the present step is shown."""
         self.motion: Union[Replay, None] = None
         """The next experiment as the diagnosed model does it; None while logs are shown."""
         self._took_s: dict[int, float] = {}
-        self._fits: dict[tuple[str, ...], FitResult] = {}
+        self._fits: dict[tuple[str, ...], Step] = {}
+        self._running: Ladder = []
+        self._diagnosing: Union[Step, None] = None
         self._work: Union[Batches, None] = None
         self._one_at_a_time = threading.Lock()
 
@@ -123,9 +126,37 @@ class Session:
         return list(self.floors) or [name for name in positions if any(name in run.log for run in self.runs)]
 
     @property
+    def ladder(self) -> Ladder:
+        """The steps of the diagnosis or fit that runs, or else of the shown step."""
+        return self.shown.ladder if self._work is None else self._running
+
+    @property
+    def diagnosed(self) -> Union[Step, None]:
+        """The step whose diagnosis counts: that of the present model, or else the last one, if possible of a model to
+        which the same was added. None before a diagnosis."""
+        known = [step for step in reversed(self.history) if step.diagnosis is not None]
+        return max(known, key=lambda step: (step.model is self.model, step.added == self.step.added), default=None)
+
+    @property
+    def diagnosis(self) -> Union[DiagnoseResult, None]:
+        """The diagnosis that counts, of the present model or of an earlier one; see `is_diagnosed`."""
+        return None if self.diagnosed is None else self.diagnosed.diagnosis
+
+    @property
+    def is_diagnosed(self) -> bool:
+        """Whether `diagnosis` is of the present model."""
+        return self.diagnosed is not None and self.diagnosed.model is self.model
+
+    @property
     def candidates(self) -> list[Candidate]:
-        """What the diagnosis suspects; empty before one."""
-        return [] if self.diagnosis is None else candidates(self.diagnosis)
+        """What the diagnosis suspects and the present model lacks; empty before one."""
+        suspects = [] if self.diagnosis is None else candidates(self.diagnosis)
+        return [suspect for suspect in suspects if not set(suspect.names) <= set(self.step.added)]
+
+    @property
+    def added(self) -> list[Candidate]:
+        """What was added to the first model, each by itself."""
+        return [plain(name) for name in self.step.added]
 
     def replay(self, number: int) -> Replay:
         """What the shown model does with the commands of a run."""
@@ -179,9 +210,13 @@ class Session:
         with self._work_on(tell) as (work, told):
             learn, held = self._logs()
             executor = self._executor(work)
-            found = diagnose(self.model, learn, held_out=held, tell=told, executor=executor)
+            step = self._diagnosing = self.step
+            try:
+                found = diagnose(step.model, learn, held_out=held, tell=told, executor=executor)
+            finally:
+                self._diagnosing = None
             work.must_go_on()
-            self.diagnosis = found
+            step.diagnosis, step.ladder = found, self._running
             self.show_step()
         return self.candidates
 
@@ -229,7 +264,8 @@ class Session:
         before = self.step
         step = Step(BY_HAND, before.model.at(values), before.added, before.fit, {**before.by_hand, **values})
         self.show_step()
-        if before.label == BY_HAND:
+        # A diagnosis keeps the model that it is about.
+        if before.label == BY_HAND and before.diagnosis is None and before is not self._diagnosing:
             self.history[-1] = step
             return step
         return self._push(step)
@@ -239,7 +275,6 @@ class Session:
         self.show_step()
         if len(self.history) > 1:
             self.history.pop()
-            self.ladder = []
         return self.step
 
     def between(self, earlier: Step, parts: int) -> Iterator[Model]:
@@ -254,8 +289,9 @@ class Session:
         yield self.model
 
     def save(self) -> Saved:
-        """Writes the model, its report, and scripts that do the same into `folder`, under names that are free. Raises
-        `BtrError` if they cannot be written."""
+        """Shows the present step, and writes its model, its report, and scripts that do the same into `folder`, under
+        names that are free. Raises `BtrError` if they cannot be written."""
+        self.show_step()
         step, first = self.step, self.history[0].model
         report = step.fit if step.fit is not None and not step.by_hand else self._compared(step)
         return save(self.folder, first, self.runs, step.model, step.added, step.by_hand, report)
@@ -276,8 +312,8 @@ class Session:
                 learn, held = self._logs()
                 found = fit(first, learn, held_out=held, add=added, tell=told, executor=self._executor(work))
                 work.must_go_on()
-                self._fits[added] = found
-            return Step(label, self._fits[added].model, added, self._fits[added])
+                self._fits[added] = Step(label, found.model, added, found, ladder=self._running)
+            return replace(self._fits[added], label=label)
 
     def _push(self, step: Step) -> Step:
         self.show_step()
@@ -298,11 +334,11 @@ class Session:
         if not self._one_at_a_time.acquire(blocking=False):
             raise wrong("something else is running", "wait for it, or cancel it")
         work = self._work = Batches()
-        self.ladder = []
+        self._running = []
 
         def told(step: str, train: float, held_out: Union[float, None]) -> None:
             work.must_go_on()
-            self.ladder.append((step, train, held_out))
+            self._running.append((step, train, held_out))
             if tell is not None:
                 tell()
 

@@ -104,6 +104,11 @@ class DiagnoseResult(Reported):
         return [name for established, name in found if established or not any_established]
 
     def _headline(self) -> str:
+        on = f"\nnext: fitted = btr.fit(model, learn, add={self.names!r})" if self.names else ""
+        return self._finding() + on
+
+    def _finding(self) -> str:
+        """The headline without the call that comes next."""
         return f"cut short; so far: {self._verdict()}" if self.cut_short else self._verdict()
 
     def _verdict(self) -> str:
@@ -157,8 +162,7 @@ class DiagnoseResult(Reported):
         )
         proposal = f"\nnext experiment: {experiment.sentence}" if experiment else ""
         idle = removable(self.without_effect)
-        on = f"\nnext: fitted = btr.fit(model, learn, add={self.names!r})" if self.names else ""
-        told = [*estimates, *lines, noise, rest, *taken, *alike, like, beside, proposal, idle, on]
+        told = [*estimates, *lines, noise, rest, *taken, *alike, like, beside, proposal, idle]
         return "".join(told)
 
     def _table(self) -> Rows:
