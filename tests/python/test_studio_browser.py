@@ -17,6 +17,7 @@ playwright = pytest.importorskip("playwright.sync_api", reason="the page is used
 
 import btr
 from browser import found
+from btr._studio.server import serve
 
 if found() is None:
     pytest.skip("there is no Chromium here", allow_module_level=True)
@@ -139,6 +140,15 @@ def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_p
     page.get_by_text("saved, without the preview, which has ended").wait_for()
     page.get_by_text(f"preview: + {FRICTION}").wait_for(state="detached")
     assert "coulomb_friction.torque@yaw" not in btr.load_model(tmp_path / "arm-studio-2.toml").values
+
+
+def test_the_page_says_that_the_server_has_ended() -> None:
+    server, address = serve("127.0.0.1", 0)
+    server.gui.add_html("still here")
+    with opened(address) as page:
+        page.get_by_text("still here").wait_for()
+        server.stop()
+        page.get_by_text("btr studio has ended").wait_for(timeout=20_000)
 
 
 @contextlib.contextmanager

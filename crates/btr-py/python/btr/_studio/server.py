@@ -10,6 +10,7 @@ import ipaddress
 import secrets
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any, Union
 from urllib.parse import parse_qs, urlsplit
@@ -22,6 +23,8 @@ from websockets.http11 import Request, Response
 Answer = Callable[[ServerConnection, Request], Union[Response, None]]
 
 LOOPBACK = "127.0.0.1"
+LAST_WORD_S = 0.3
+"""How long the server stays for its last message to open pages."""
 # The client needs inline scripts, WebAssembly and workers of its own; nothing is loaded from or sent to other places.
 POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
@@ -113,6 +116,17 @@ class Server(viser.ViserServer):
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Shares nothing: a page must not publish a robot's logs."""
+
+    def stop(self) -> None:
+        """Tells open pages that this is the end, and ends."""
+        clients = self.get_clients().values()
+        for client in clients:
+            client.add_notification("btr studio has ended", "", with_close_button=False)
+            client.flush()
+        if clients:
+            # Another thread sends it.
+            time.sleep(LAST_WORD_S)
+        super().stop()
 
 
 def serve(host: str, port: int) -> tuple[Server, str]:
