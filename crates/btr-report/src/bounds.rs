@@ -25,7 +25,7 @@ pub fn about_bounds(report: &DiagnoseReport) -> Vec<String> {
 /// What to do about a finding that adds to a free parameter.
 fn shared(AddsTo { found, free }: &AddsTo) -> String {
     format!(
-        "{found} adds to {free}, which is free: the logs show little but their sum, so the size of either depends on the bounds; \
+        "{found} adds to {free}, which is free: logs hardly tell the two apart, so the size of either may depend on the bounds; \
          freeze {free} if you know it, or widen its bounds and diagnose again"
     )
 }

@@ -46,6 +46,9 @@ use state::DiagnosisState;
 use thresholds::{AT_MOST_AT_BOUNDS, AT_MOST_WITH_LEFT_OVER, LEFT_OVER};
 use together::two;
 
+/// How many logs are left out in a fit of its own, those first on which the findings seem to depend most.
+const REFITTED: usize = 4;
+
 /// Finds out which effects of the model's candidates are missing; `on_step` is called with every step of the ladder as
 /// it is reached.
 ///
@@ -210,7 +213,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
     let learnt = state.ladder.last().map_or(f64::INFINITY, |step| step.train);
     let integrator_error = state.fit.held_out_step_error(objective).max(state.integrator);
     let bound = NoiseBound { noise: objective.noise_bound(), roughly: objective.has_rough_floors() };
-    state.leave_one_out(objective);
+    state.leave_one_out(objective, if stopped { 0 } else { REFITTED });
     let verdict = match state.ladder.last() {
         Some(last) => evidence::weigh(last, state.unexplained_at_first.judged, bound, &mut state.chosen),
         None => Verdict::Unexplained,

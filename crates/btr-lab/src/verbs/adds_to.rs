@@ -1,4 +1,4 @@
-//! Findings that add to a quantity which is a free parameter as well: logs show little but the sum.
+//! Findings that add to a quantity which is a free parameter as well: logs hardly tell the two apart.
 
 use crate::identification::VerbInput;
 use btr_identify::diagnose::MissingEffect;

@@ -12,13 +12,10 @@ use btr_core::optimize::QuadraticModel;
 use nalgebra::DVector;
 use std::ops::Range;
 
-/// How many logs are left out in a fit, those first that seem to matter most.
-const MOST: usize = 4;
-
 impl DiagnosisState {
-    /// Notes for each finding the training log without which its size changes most, and by what share of it. Nothing
-    /// with one log alone.
-    pub(in crate::diagnose) fn leave_one_out(&mut self, objective: &Objective) {
+    /// Notes for each finding the training log without which its size changes most, and by what share of it; at most
+    /// so many fits tell what a linear step calls unstable. Nothing with one log alone.
+    pub(in crate::diagnose) fn leave_one_out(&mut self, objective: &Objective, fits: usize) {
         let logs: Vec<(usize, Range<usize>)> =
             objective.logs(LogSet::Learn).iter().copied().zip(rows(objective, LogSet::Learn)).collect();
         if logs.len() < 2 {
@@ -34,7 +31,7 @@ impl DiagnosisState {
         let largest = |u: &[f64]| (0..self.chosen.len()).map(|index| change(index, u)).fold(0.0, f64::max);
         let mut unstable: Vec<usize> = (0..logs.len()).filter(|&log| largest(&without[log]) > STABLE).collect();
         unstable.sort_by(|&a, &b| largest(&without[b]).total_cmp(&largest(&without[a])));
-        for log in unstable.into_iter().take(MOST) {
+        for log in unstable.into_iter().take(fits) {
             if let Some(u) = refitted(objective, &self.fit, &logs[log]) {
                 without[log] = u;
             }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -11,17 +10,14 @@ import numpy as np
 import viser
 
 from btr._studio import panels
-from btr._studio.player import Player
 from btr._studio.plots import Plots
 from btr._studio.replay import BASE, Replay, Run
 from btr._studio.robot import Robot
 from btr._studio.scene import Scene
 from btr._studio.session import Session
+from btr._studio.timeline import Timeline
 
 MAGNIFIED = {"as it is": 1.0, "5 times as large": 5.0, "20 times as large": 20.0}
-SPEEDS = ("0.1", "0.25", "0.5", "1", "2")
-# Moving the cursor sends all samples of a plot; the robot alone moves with every frame.
-CURSOR_S = 0.1
 
 
 class View:
@@ -32,9 +28,7 @@ class View:
         self._server, self._session, self._asked = server, session, asked
         self._lock = threading.RLock()
         self._replay: Replay | None = None
-        self._cursor_moved = 0.0
         self._moving = False
-        self.player = Player(self._at)
         self._scene = Scene(server, robot, floats=BASE[0] in session.replay(0).simulated)
         self._runs, self._names = session.runs, labels(session.runs)
         self.panel = server.gui.add_panel()
@@ -55,9 +49,7 @@ class View:
         with self._lock:
             self._replay = replay
             self._scene.load(replay, self._session.model.joints, self._session.floors)
-            self.player.end_s = float(replay.run.clock_s[-1])
-            self._slider.max = round(self.player.end_s, 2)
-            self.player.time_s = min(self.player.time_s, self.player.end_s)
+            self._time.end_at(float(replay.run.clock_s[-1]))
             channel = self._channel.value
             self._plots.load(replay, channel, self._session.floors.get(channel), self.player.time_s)
             self._scene.at(self._sample())
@@ -96,18 +88,15 @@ class View:
 
     def _add_time(self) -> None:
         gui = self._server.gui
-        self._slider: Any = gui.add_slider("Time (s)", 0.0, 1.0, 0.01, 0.0)
-        self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
+        self._time = Timeline(gui, self._at)
+        self.player = self._time.player
         magnify = gui.add_dropdown("Error shown", list(MAGNIFIED), initial_value="as it is")
         with gui.add_folder("Playback", expand_by_default=False):
-            speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
+            self._time.add_speed(gui)
             loop = gui.add_checkbox("Loop", True)
             robot, model = gui.add_checkbox("Robot", True), gui.add_checkbox("Model", True)
         gui.add_html(panels.legend())
-        self._slider.on_update(self._dragged)
-        self._play.on_click(lambda _: self.toggle())
         magnify.on_update(lambda _: self._magnify(MAGNIFIED[magnify.value]))
-        speed.on_update(lambda _: setattr(self.player, "speed", float(speed.value)))
         loop.on_update(lambda _: setattr(self.player, "loops", bool(loop.value)))
         for box in (robot, model):
             box.on_update(lambda _: self._scene.show(robot=robot.value, model=model.value))
@@ -123,22 +112,6 @@ class View:
         self._failed = self._server.gui.add_html("")
         self._channel.on_update(lambda _: self._asked())
 
-    def toggle(self) -> None:
-        """Lets the time run or stops it."""
-        if self.player.playing:
-            self.player.pause()
-            self._at(self.player.time_s)
-        else:
-            self.player.play()
-        self._play.label = "Pause" if self.player.playing else "Play"
-        self._play.icon = viser.Icon.PLAYER_PAUSE if self.player.playing else viser.Icon.PLAYER_PLAY
-
-    def _dragged(self, event: Any) -> None:
-        # What the player shows is no drag.
-        if event.client is not None:
-            self.player.time_s = float(self._slider.value)
-            self._at(self.player.time_s)
-
     def _sample(self) -> int:
         clock = np.zeros(1) if self._replay is None else self._replay.run.clock_s
         return int(np.clip(np.searchsorted(clock, self.player.time_s), 0, len(clock) - 1))
@@ -149,11 +122,8 @@ class View:
             if self._replay is None:
                 return
             self._scene.at(self._sample())
-            now = time.monotonic()
-            if now - self._cursor_moved >= CURSOR_S or not self.player.playing:
-                self._cursor_moved = now
+            if self._time.follow(time_s):
                 self._plots.at(time_s, moving=self.player.playing)
-                self._slider.value = round(time_s, 3)
 
 
 def labels(runs: Sequence[Run]) -> list[str]:

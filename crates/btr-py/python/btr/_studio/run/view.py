@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 from typing import Any, Union
 
 import viser
 
 from btr._studio.panels import note
-from btr._studio.player import Player
 from btr._studio.robot import Robot
 from btr._studio.run import panels
 from btr._studio.run.curves import TestPlot
@@ -18,14 +16,12 @@ from btr._studio.run.motion import Motion, motion_of
 from btr._studio.run.scene import RunScene
 from btr._studio.run.session import RunSession, Tested
 from btr._studio.run.strip import Walker, merits
+from btr._studio.timeline import Timeline
 from btr.documents import TestEntry
 from btr.model import Model
 
 SIDE_BY_SIDE = "all side by side"
 MOST_WALKERS = 12
-SPEEDS = ("0.1", "0.25", "0.5", "1", "2")
-# Moving the cursor sends all samples of a plot; the robot alone moves with every frame.
-CURSOR_S = 0.1
 
 
 class RunView:
@@ -47,8 +43,6 @@ class RunView:
         self._shown: tuple[Any, ...] = ()
         self._motions: dict[int, Motion] = {}
         self._model: Union[Model, None] = None
-        self._cursor_moved = 0.0
-        self.player = Player(self._at)
         self._scene = RunScene(server, robot, session.model.joints, floats=floats)
         self.panel = server.gui.add_panel()
         with self.panel.add_tab("Real tests", viser.Icon.ROBOT):
@@ -56,9 +50,9 @@ class RunView:
 
     def _add(self, gui: Any) -> None:
         self._choice: Any = gui.add_dropdown("Shown", [SIDE_BY_SIDE], initial_value=SIDE_BY_SIDE)
-        self._slider: Any = gui.add_slider("Time (s)", 0.0, 1.0, 0.01, 0.0)
-        self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
-        speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
+        self._time = Timeline(gui, self._at)
+        self.player = self._time.player
+        self._time.add_speed(gui)
         gui.add_html(panels.legend())
         self._told = gui.add_html("")
         self._channel: Any = gui.add_dropdown("Channel", ["none"], initial_value="none", visible=False)
@@ -66,9 +60,6 @@ class RunView:
         self._plot.show(False)
         self._choice.on_update(lambda _: self._asked())
         self._channel.on_update(lambda _: self._asked())
-        self._slider.on_update(self._dragged)
-        self._play.on_click(lambda _: self.toggle())
-        speed.on_update(lambda _: setattr(self.player, "speed", float(speed.value)))
 
     def load(self) -> None:
         """Shows the chosen test, or all of them, as the session has them now."""
@@ -128,9 +119,7 @@ class RunView:
         return before != shown
 
     def _began(self, end_s: float, *, look: bool = True) -> None:
-        self.player.end_s = max(0.01, end_s)
-        self._slider.max = round(self.player.end_s, 2)
-        self.player.time_s = min(self.player.time_s, self.player.end_s)
+        self._time.end_at(max(0.01, end_s))
         if look:
             self._scene.look()
         self._at(self.player.time_s)
@@ -157,32 +146,12 @@ class RunView:
         with self._lock:
             self._scene.look_of(client, aspect)
 
-    def toggle(self) -> None:
-        """Lets the time run or stops it."""
-        if self.player.playing:
-            self.player.pause()
-            self._at(self.player.time_s)
-        else:
-            self.player.play()
-        self._play.label = "Pause" if self.player.playing else "Play"
-        self._play.icon = viser.Icon.PLAYER_PAUSE if self.player.playing else viser.Icon.PLAYER_PLAY
-
-    def _dragged(self, event: Any) -> None:
-        # What the player shows is no drag.
-        if event.client is not None:
-            self.player.time_s = float(self._slider.value)
-            self._at(self.player.time_s)
-
     def _at(self, time_s: float) -> None:
         """Shows a time."""
         with self._lock:
             self._scene.at(time_s)
-            now = time.monotonic()
-            if now - self._cursor_moved >= CURSOR_S or not self.player.playing:
-                self._cursor_moved = now
-                self._slider.value = round(time_s, 3)
-                if self._test is not None:
-                    self._plot.at(time_s)
+            if self._time.follow(time_s) and self._test is not None:
+                self._plot.at(time_s)
 
 
 def chosen(tests: list[TestEntry]) -> list[TestEntry]:
