@@ -171,7 +171,8 @@ mod tests {
         assert_eq!(tried(&target(|data| data.is_empty()), b""), Ok(true));
         let why = tried(&target(|data| data[3] == 0), b"").unwrap_err();
         assert!(why.contains("driver.rs"), "{why}");
-        let why = tried(&target(|_| black_box(Vec::<u8>::with_capacity(MOST_BYTES + 1)).is_empty()), b"").unwrap_err();
-        assert_eq!(why, "it took 1024 MB");
+        // Twice as much: what the tests beside it give back meanwhile is taken off.
+        let why = tried(&target(|_| black_box(Vec::<u8>::with_capacity(2 * MOST_BYTES)).is_empty()), b"").unwrap_err();
+        assert!(why.starts_with("it took ") && why.ends_with(" MB"), "{why}");
     }
 }
