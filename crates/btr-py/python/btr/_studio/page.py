@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
 
 import viser
 
@@ -268,9 +267,10 @@ class Page:
         session, is_first = self._session, not self._session.floors
         session.compare()
         self._view.load_comparison()
-        first, step = session.history[0].model, session.step
-        scripts: Any = [write(first, session.runs, step.added, step.by_hand) for write in (shell, python)]
-        self._commands.content = panels.commands(*scripts)
+        journey = session.journey
+        in_memory = panels.note("no scripts: the model, a log or a law is in memory only")
+        is_of_files = journey.is_of_files
+        self._commands.content = panels.commands(shell(journey), python(journey)) if is_of_files else in_memory
         if is_first:
             self._sliders.load(self._session)
             self._view.choose_worst()

@@ -11,7 +11,7 @@ from typing import Union
 
 from btr._btr import BtrError
 from btr._studio.replay import Run
-from btr.model import Model
+from btr.model import Model, loaded
 from btr.results import Reported
 
 
@@ -24,73 +24,104 @@ class Saved:
     report: Path
     """The report, HTML."""
     shell: Union[Path, None]
-    """The commands for a shell; None where logs or laws are in memory only."""
+    """The commands for a shell; None where the model, logs or laws are in memory only."""
     python: Union[Path, None]
     """The same in Python; None in the same cases."""
 
 
-def save(
-    folder: Path,
-    first: Model,
-    runs: Sequence[Run],
-    model: Model,
-    added: Sequence[str],
-    by_hand: Mapping[str, float],
-    report: Reported,
-) -> Saved:
+@dataclass(frozen=True)
+class Journey:
+    """How a model came about: the first model, its logs, and what was done."""
+
+    first: Model
+    """The model at the beginning."""
+    runs: Sequence[Run]
+    """The logs."""
+    added: Sequence[str]
+    """What was added to it, as `fit(add=...)` takes it."""
+    is_fitted: bool
+    """Whether it was fitted."""
+    by_hand: Mapping[str, float]
+    """Values that were set last, by name."""
+
+    def logs(self, *, held_out: bool) -> list[str]:
+        """Paths of the training or of the held-out logs, as the user named them."""
+        return [run.path for run in self.runs if run.held_out == held_out and run.path is not None]
+
+    @property
+    def is_of_files(self) -> bool:
+        """Whether all of it can be read again: no function, log or change is in memory only."""
+        if self.first.laws or any(run.path is None for run in self.runs):
+            return False
+        try:
+            return loaded(self.first.path).text == self.first.text
+        except BtrError:
+            return False
+
+
+def save(folder: Path, model: Model, journey: Journey, report: Reported) -> Saved:
     """Writes the files into `folder`, under names of which none exists. Raises `BtrError` if one cannot be written."""
-    stem = _free(folder, re.sub(r"[^\w.-]+", "_", first.name).lstrip(".") or "model")
+    stem = _free(folder, re.sub(r"[^\w.-]+", "_", journey.first.name).lstrip(".") or "model")
     saved = Saved(folder / f"{stem}.toml", folder / f"{stem}.html", folder / f"{stem}.sh", folder / f"{stem}.py")
     model.save(saved.model)
     report.report(saved.report)
-    if model.laws or any(run.path is None for run in runs):
+    if not journey.is_of_files:
         return Saved(saved.model, saved.report, None, None)
-    _write(saved.shell, shell(first, runs, added, by_hand))
-    _write(saved.python, python(first, runs, added, by_hand))
+    _write(saved.shell, shell(journey))
+    _write(saved.python, python(journey))
     return saved
 
 
-def shell(first: Model, runs: Sequence[Run], added: Sequence[str], by_hand: Mapping[str, float]) -> str:
+def shell(journey: Journey) -> str:
     """Commands for a shell that lead from the first model to the present one."""
-    logs, held = _paths(runs, held_out=False), _paths(runs, held_out=True)
+    first = str(journey.first.path)
+    logs, held = journey.logs(held_out=False), journey.logs(held_out=True)
     held_out = ["--held-out", *held] if held else []
-    adding = [word for name in added for word in ("--add", name)]
-    fit = ["btr", "fit", str(first.path), *logs, *adding, "-o", "fitted.toml", "--report", "fitted.html", *held_out]
-    hand = [word for name, value in by_hand.items() for word in ("--set", f'parameters."{name}".value={value!r}')]
-    lines = [
-        ["btr", "compare", str(first.path), *logs],
-        ["btr", "diagnose", str(first.path), *logs, *held_out],
-        fit,
-        ["btr", "compare", "fitted.toml", *(held or logs), *hand],
-    ]
-    return "#!/bin/sh\nset -e\n" + "".join(f"{shlex.join(line)}\n" for line in lines)
+    adding = [word for name in journey.added for word in ("--add", name)]
+    is_changed = bool(journey.by_hand) or not journey.is_fitted
+    report = ["--report", "result.html"]
+    lines = [["btr", "compare", first, *logs], ["btr", "diagnose", first, *logs, *held_out]]
+    if journey.is_fitted:
+        fit = ["btr", "fit", first, *logs, *adding, "-o", "result.toml", *(() if is_changed else report), *held_out]
+        lines.append(fit)
+    words = [shlex.join(line) for line in lines]
+    if is_changed:
+        begin = "result.toml" if journey.is_fitted else first
+        load = f"import btr; btr.load_model({begin!r}){_at(journey)}.save('result.toml', overwrite={journey.is_fitted})"
+        # No command sets values alone.
+        words.append(f'"${{BTR_PYTHON:-python3}}" -c {shlex.quote(load)}')
+    words.append(shlex.join(["btr", "compare", "result.toml", *logs, *held, *(report if is_changed else ())]))
+    return "#!/bin/sh\nset -e\n" + "".join(f"{line}\n" for line in words)
 
 
-def python(first: Model, runs: Sequence[Run], added: Sequence[str], by_hand: Mapping[str, float]) -> str:
+def python(journey: Journey) -> str:
     """A Python script that leads from the first model to the present one."""
-    logs, held = _paths(runs, held_out=False), _paths(runs, held_out=True)
-    hand = f".at({dict(by_hand)!r})" if by_hand else ""
+    logs, held = journey.logs(held_out=False), journey.logs(held_out=True)
+    is_changed = bool(journey.by_hand) or not journey.is_fitted
+    fit = f"fitted = btr.fit(model, logs, held_out=held_out, add={list(journey.added)!r})"
     return "\n".join(
         [
             "import btr",
             "",
-            f"model = btr.load_model({str(first.path)!r})",
+            f"model = btr.load_model({str(journey.first.path)!r})",
             f"logs = {logs!r}",
             f"held_out = {held!r}",
             "print(btr.compare(model, logs))",
             "print(btr.diagnose(model, logs, held_out=held_out))",
-            f"fitted = btr.fit(model, logs, held_out=held_out, add={list(added)!r})",
-            f"found = fitted.model{hand}",
-            "print(btr.compare(found, held_out or logs))",
-            'found.save("fitted.toml")',
-            'fitted.report("fitted.html")',
+            *([fit] if journey.is_fitted else []),
+            f"result = {'fitted.model' if journey.is_fitted else 'model'}{_at(journey)}",
+            "compared = btr.compare(result, logs + held_out)",
+            "print(compared)",
+            'result.save("result.toml")',
+            f'{"compared" if is_changed else "fitted"}.report("result.html")',
             "",
         ]
     )
 
 
-def _paths(runs: Sequence[Run], *, held_out: bool) -> list[str]:
-    return [run.path for run in runs if run.held_out == held_out and run.path is not None]
+def _at(journey: Journey) -> str:
+    """The call that sets the values that were set by hand; empty without any."""
+    return f".at({dict(journey.by_hand)!r})" if journey.by_hand else ""
 
 
 def _free(folder: Path, name: str) -> str:

@@ -17,7 +17,7 @@ from btr._inputs import wrong
 from btr._sources import LogLike, Logs
 from btr._studio.candidates import Candidate, candidates, plain
 from btr._studio.replay import Replay, Run, begun, error, replayed
-from btr._studio.saved import Saved, save
+from btr._studio.saved import Journey, Saved, save
 from btr._studio.work import Batches
 from btr.model import Model, loaded
 from btr.results import CompareResult, DiagnoseResult, FitResult
@@ -158,6 +158,12 @@ class Session:
         """What was added to the first model, each by itself."""
         return [plain(name) for name in self.step.added]
 
+    @property
+    def journey(self) -> Journey:
+        """How the present model came about."""
+        step = self.step
+        return Journey(self.history[0].model, self.runs, step.added, step.fit is not None, step.by_hand)
+
     def replay(self, number: int) -> Replay:
         """What the shown model does with the commands of a run."""
         step = self.shown
@@ -292,9 +298,9 @@ class Session:
         """Shows the present step, and writes its model, its report, and scripts that do the same into `folder`, under
         names that are free. Raises `BtrError` if they cannot be written."""
         self.show_step()
-        step, first = self.step, self.history[0].model
+        step = self.step
         report = step.fit if step.fit is not None and not step.by_hand else self._compared(step)
-        return save(self.folder, first, self.runs, step.model, step.added, step.by_hand, report)
+        return save(self.folder, step.model, self.journey, report)
 
     def cancel(self) -> None:
         """Ends what runs: its method raises `Cancelled` before the next batch of simulations."""
