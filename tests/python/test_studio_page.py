@@ -21,6 +21,7 @@ from btr._studio import panels
 from btr._studio import server as server_module
 from btr._studio.candidates import Candidate
 from btr._studio.cause import reach
+from btr._studio.failures import covered
 from btr._studio.player import Player
 from btr._studio.plots import Lines, extremes
 from btr._studio.replay import Replay, Run, error
@@ -119,16 +120,16 @@ def test_a_viser_that_cannot_be_guarded_does_not_serve(monkeypatch: pytest.Monke
 
 
 def test_names_are_escaped() -> None:
-    failure = SimpleNamespace(joint=HOSTILE, regime="fast", chi=3.0, hint=HOSTILE)
+    hostile = SimpleNamespace(joint=HOSTILE, regime="fast", chi=3.0, hint=HOSTILE, log=HOSTILE)
     verdict = SimpleNamespace(sentences=[HOSTILE, HOSTILE])
-    comparison = SimpleNamespace(verdict=verdict, failures=[failure], warnings=[HOSTILE], not_judged=[HOSTILE])
+    comparison = SimpleNamespace(verdict=verdict, failures=[hostile], warnings=[HOSTILE], not_judged=[HOSTILE])
     card = Candidate((HOSTILE,), HOSTILE, HOSTILE, (HOSTILE,), 0.5, True, (HOSTILE,), 1.0)
     rival = SimpleNamespace(effect=HOSTILE, separation=2.0)
     texts = [
         panels.head(HOSTILE, HOSTILE, 1.0, 1.0),
         panels.ladder([(HOSTILE, 1.0, 1.0)], HOSTILE),
-        panels.sentence(comparison),
-        panels.regimes(comparison, [HOSTILE]),
+        panels.sentence(comparison, HOSTILE),
+        panels.regimes(comparison, [HOSTILE], HOSTILE),
         panels.card(card),
         panels.verdict(HOSTILE, is_current=True),
         panels.verdict(HOSTILE, is_current=False),
@@ -140,6 +141,44 @@ def test_names_are_escaped() -> None:
     ]
     for text in texts:
         assert "&lt;img" in text and "<img" not in text
+
+
+def failure(regime: str, words: str, chi: float, joint: str = "yaw") -> SimpleNamespace:
+    hint = f"{joint}, {words}: {chi} noise floors; the residual follows no single quantity"
+    return SimpleNamespace(joint=joint, regime=regime, chi=chi, hint=hint, log="monday", t0=1.25, t1=2.0)
+
+
+def test_the_map_has_the_cell_that_the_sentence_names_or_says_why_not() -> None:
+    cells = [failure("after_reversal", "after reversals", 39.8), failure("high_load", "under high load", 52.1)]
+    cells.append(failure("fast", "moving fast", 60.0, joint="elbow"))
+
+    def told(sentence: str, cells: list[SimpleNamespace]) -> str:
+        comparison = SimpleNamespace(verdict=SimpleNamespace(sentences=[sentence]), failures=cells)
+        return panels.regimes(comparison, ["yaw", "elbow"], "all 3 logs").replace("&#x27;", "'")
+
+    off = "yaw: 30 x the noise floor (1 degrees rms); the residual follows the velocity"
+    both = told(f"{off}, largest after reversals, where it is an offset", cells[:2])
+    assert "Worst in the map: yaw under high load (52.1), mostly in monday." in both
+    assert "The sentence names yaw after reversals (39.8), as its share of the joint's error" in both
+    same = told(f"{off}, largest under high load", cells[:2])
+    assert "Worst in the map: yaw under high load (52.1)" in same and "The sentence" not in same
+    assert "elbow moving fast (60.0)" in (other := told(f"{off}, largest under high load", cells))
+    assert "The sentence names yaw under high load (52.1)" in other
+    assert "The sentence is of the joint's whole motion." in told(off, cells)
+    little = told("every joint is within 1.5 x the noise floor: most of it in yaw after reversals", cells[:2])
+    assert "names yaw after reversals (39.8), as it has most of the error of all joints" in little
+
+
+def test_sentence_and_map_say_which_logs_they_are_of() -> None:
+    log = btr.Log([0.0, 0.1], {"q_a": [0.0, 0.0]})
+    runs = [Run("x.csv", log, held, None) for held in (False, False, True)]
+    assert covered(runs) == "all 3 logs as a whole: 2 training, 1 held out"
+    assert covered(runs[:2]) == "all 2 logs as a whole" and covered(runs[:1]) == "the log as a whole"
+    verdict = SimpleNamespace(sentences=["yaw: off"])
+    cells = [failure("fast", "moving fast", 9.0)]
+    comparison = SimpleNamespace(verdict=verdict, failures=cells, warnings=[], not_judged=[])
+    for text in (panels.sentence(comparison, covered(runs)), panels.regimes(comparison, ["yaw"], covered(runs))):
+        assert "of all 3 logs as a whole: 2 training, 1 held out" in text.lower()
 
 
 def test_errors_are_told_in_few_digits() -> None:
@@ -289,5 +328,6 @@ def test_readings_without_noise_have_no_floor(served: tuple[Server, str]) -> Non
     scene = Scene(served[0], robot_of(model), floats=False)
     scene.load(session.replay(0), model.joints, session.floors)
     scene.at(0)
-    failure = SimpleNamespace(joint="slide", regime="fast", chi=None, hint="")
-    assert "infinite" in panels.regimes(SimpleNamespace(failures=[failure]), ["slide"])
+    off = SimpleNamespace(joint="slide", regime="fast", chi=None, hint="", log="")
+    verdict = SimpleNamespace(sentences=["slide is off"])
+    assert "infinite" in panels.regimes(SimpleNamespace(failures=[off], verdict=verdict), ["slide"], "the log")

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Union
 
+from btr._studio import failures
 from btr._studio.candidates import Candidate
 from btr._studio.scene import BODY, GHOST, STEPS, Colour, colour_of
 from btr.documents import NextExperiment, RegimeFailure
@@ -17,7 +18,6 @@ Ladder = Sequence[tuple[str, float, Union[float, None]]]
 MUTED = "color:#6b7280"
 SMALL = f"font-size:12px;line-height:1.45;{MUTED}"
 _MOST_FLOORS = 100.0
-_MOST_SENTENCES = 3
 
 
 def css(colour: Colour) -> str:
@@ -93,29 +93,50 @@ def ladder(steps: Ladder, status: str) -> str:
     return box(f'{rows}<div style="{SMALL}">{escape(status)}</div>')
 
 
-def sentence(comparison: Union[CompareResult, None]) -> str:
-    """What `compare` says first, and what it warns of."""
+def sentence(comparison: Union[CompareResult, None], covered: str) -> str:
+    """What `compare` says first of the logs that it covers, and what it warns of."""
     if comparison is None:
         return box("comparing ...", MUTED)
-    worst, *others = map(escape, comparison.verdict.sentences[:_MOST_SENTENCES])
+    first, *others = map(escape, comparison.verdict.sentences[: failures.TOLD])
     warnings = [*comparison.warnings, *(f"no log measures {joint}" for joint in comparison.not_judged)]
-    return box("<br>".join([f"<b>{worst}</b>", *others])) + "".join(map(note, warnings))
+    of = f'<span style="{MUTED}">Of {escape(covered)}</span>'
+    return box("<br>".join([of, f"<b>{first}</b>", *others])) + "".join(map(note, warnings))
 
 
-def regimes(comparison: Union[CompareResult, None], joints: Sequence[str]) -> str:
-    """The map of joints and regimes of motion, coloured by the error in noise floors."""
-    failures = [] if comparison is None else comparison.failures
-    if not failures:
+def regimes(comparison: Union[CompareResult, None], joints: Sequence[str], covered: str) -> str:
+    """The map of joints and regimes of motion, coloured by the error in noise floors, of the logs that it covers; and
+    which cell is the worst."""
+    worst = None if comparison is None else failures.worst(comparison)
+    if comparison is None or worst is None:
         return ""
-    chi = {(failure.joint, failure.regime): failure for failure in failures}
-    columns = [joint for joint in joints if any(joint == failure.joint for failure in failures)]
-    rows = list(dict.fromkeys(failure.regime for failure in failures))
+    head = note(f"Joints and regimes of motion, error in noise floors, of {covered}.")
+    return head + _map(comparison.failures, joints) + note(_worst(worst, failures.named(comparison)))
+
+
+def _worst(worst: RegimeFailure, named: Union[failures.Named, None]) -> str:
+    """The worst cell, and why the sentence names another one."""
+    told = f"Worst in the map: {_told(worst)}, mostly in {worst.log}."
+    if named is None:
+        return f"{told} The sentence is of the joint's whole motion."
+    if named.failure is worst:
+        return told
+    return f"{told} The sentence names {_told(named.failure)}, as {named.why}."
+
+
+def _told(failure: RegimeFailure) -> str:
+    return f"{failure.joint} {failures.words(failure)} ({_floors(failures.chi(failure))})"
+
+
+def _map(found: Sequence[RegimeFailure], joints: Sequence[str]) -> str:
+    cell_of = {(failure.joint, failure.regime): failure for failure in found}
+    columns = [joint for joint in joints if any(joint == failure.joint for failure in found)]
+    rows = list(dict.fromkeys(failure.regime for failure in found))
     top = "".join(f'<th style="text-align:center;font-weight:600">{escape(joint)}</th>' for joint in columns)
     body = ""
     for regime in rows:
         cells = ""
         for joint in columns:
-            failure = chi.get((joint, regime))
+            failure = cell_of.get((joint, regime))
             cells += "<td></td>" if failure is None else _cell(failure)
         body += f'<tr><td style="white-space:nowrap">{escape(regime.replace("_", " "))}</td>{cells}</tr>'
     style = "border-collapse:separate;border-spacing:2px;font-size:12px"
@@ -124,8 +145,7 @@ def regimes(comparison: Union[CompareResult, None], joints: Sequence[str]) -> st
 
 
 def _cell(failure: RegimeFailure) -> str:
-    # JSON has no infinite number.
-    chi = math.inf if failure.chi is None else failure.chi
+    chi = failures.chi(failure)
     style = f"background:{css(colour_of(chi))};color:#111827;text-align:center;border-radius:3px;padding:1px 8px"
     return f'<td style="{style}" title="{escape(failure.hint)}">{_floors(chi)}</td>'
 

@@ -10,6 +10,7 @@ import numpy as np
 import viser
 
 from btr._studio import panels
+from btr._studio.failures import covered
 from btr._studio.plots import Plots
 from btr._studio.replay import BASE, Replay, Run
 from btr._studio.robot import Robot
@@ -36,7 +37,7 @@ class View:
             self._add_log()
             self._add_time()
             self._add_channel()
-            self._sentence = server.gui.add_html(panels.sentence(None))
+            self._sentence = server.gui.add_html(panels.sentence(None, ""))
             self._regimes = server.gui.add_html("")
 
     @property
@@ -65,8 +66,9 @@ class View:
     def load_comparison(self) -> None:
         """Shows where the present model fails."""
         comparison = self._session.shown.comparison
-        self._sentence.content = panels.sentence(comparison)
-        self._regimes.content = panels.regimes(comparison, self._session.model.joints)
+        of = covered(self._runs)
+        self._sentence.content = panels.sentence(comparison, of)
+        self._regimes.content = panels.regimes(comparison, self._session.model.joints, of)
         channels = self._session.channels
         if list(self._channel.options) != channels:
             chosen = self._channel.value
