@@ -56,7 +56,7 @@ def opened(address: str) -> Iterator["playwright.Page"]:
         page.failures = []
         page.on("pageerror", lambda error: page.failures.append(str(error)))
         page.on("dialog", lambda dialog: page.failures.append(dialog.message))
-        own = re.compile(re.escape(address.partition("?")[0]) + r"(\?token=.*)?$|data:|blob:")
+        own = re.compile(re.escape(address.partition("?")[0]) + r"(\?token=.*|clicks/\d+)?$|data:|blob:")
         page.on("request", lambda request: own.match(request.url) or page.failures.append(request.url))
         page.goto(address)
         yield page
@@ -94,6 +94,12 @@ def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_p
     log.click()
     page.get_by_role("option", name=HOSTILE).click()
     playwright.expect(log).to_have_value(HOSTILE)
+
+    page.get_by_text(re.compile(r"Worst in the map: yaw under high load .*, mostly in held_out_1\.")).wait_for()
+    page.get_by_role("button", name=re.compile("^shoulder under high load")).click()
+    playwright.expect(log).to_have_value("held_out_1.csv (held out)")
+    playwright.expect(page.get_by_role("combobox", name="Channel")).to_have_value("q_shoulder")
+    playwright.expect(shown).to_have_value("1.2")
 
     page.get_by_role("button", name="What is missing?").click()
     page.get_by_role("button", name="Cancel", exact=True).click()

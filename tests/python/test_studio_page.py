@@ -3,6 +3,7 @@
 import contextlib
 import http.client
 import math
+import queue
 import socket
 import warnings
 from collections.abc import Iterator
@@ -21,7 +22,7 @@ from btr._studio import panels
 from btr._studio import server as server_module
 from btr._studio.candidates import Candidate
 from btr._studio.cause import reach
-from btr._studio.failures import covered
+from btr._studio.failures import covered, place
 from btr._studio.player import Player
 from btr._studio.plots import Lines, extremes
 from btr._studio.replay import Replay, Run, error
@@ -179,6 +180,37 @@ def test_sentence_and_map_say_which_logs_they_are_of() -> None:
     comparison = SimpleNamespace(verdict=verdict, failures=cells, warnings=[], not_judged=[])
     for text in (panels.sentence(comparison, covered(runs)), panels.regimes(comparison, ["yaw"], covered(runs))):
         assert "of all 3 logs as a whole: 2 training, 1 held out" in text.lower()
+
+
+def test_a_cell_of_the_map_is_a_place_in_a_log() -> None:
+    clock = np.arange(0.0, 4.0, 0.01)
+    log = btr.Log(clock, {"q_yaw": np.zeros(400)})
+
+    def replay(path: str, error: float) -> Replay:
+        return Replay(Run(path, log, False, path), {"q_yaw": np.where(clock > 1.0, error, 0.0)})
+
+    cell = failure("fast", "moving fast", 9.0)
+    replays = [replay("tuesday.csv", 9.0), replay("a/monday.csv", 1.0), replay("b/monday.csv", 2.0)]
+    assert place(cell, replays) == (2, 1.25), "of the logs with this name, the one with the error"
+    cell.log = "tuesday from 1.5 s"
+    assert place(cell, replays) == (0, 2.75), "a piece between gaps"
+
+
+def test_only_the_page_can_click(served: tuple[Server, str], cookie: str) -> None:
+    server, address = served
+    clicks: queue.Queue[int] = queue.Queue()
+    server.guard.clicked = clicks.put
+    click = {"X-Btr-Studio": "1"}
+    assert ask(address, "/clicks/7", Cookie=cookie, **click)[0] == 200
+    assert clicks.get(timeout=5.0) == 7
+    for path, headers in (
+        ("/clicks/8", {"Cookie": cookie}),
+        ("/clicks/8", click),
+        ("/clicks/x", {"Cookie": cookie, **click}),
+        ("/clicks/8", {"Cookie": cookie, "Origin": "http://evil.example", **click}),
+    ):
+        assert ask(address, path, **headers)[0] in (403, 404), (path, headers)
+    assert clicks.empty()
 
 
 def test_errors_are_told_in_few_digits() -> None:

@@ -13,6 +13,7 @@ from btr._studio import panels
 from btr._studio.cause import Candidates, Names, NextExperiment, Sliders
 from btr._studio.robot import Robot
 from btr._studio.saved import python, shell
+from btr._studio.server import Server
 from btr._studio.session import Session, Step
 from btr._studio.view import View
 from btr._studio.work import Cancelled, Latest
@@ -26,7 +27,7 @@ IDLE_S = 0.8
 class Page:
     """A session in the browser."""
 
-    def __init__(self, server: viser.ViserServer, session: Session, robot: Robot) -> None:
+    def __init__(self, server: Server, session: Session, robot: Robot) -> None:
         self._server, self._session = server, session
         self._changes: dict[str, float] = {}
         self._lock = threading.Lock()
@@ -38,6 +39,7 @@ class Page:
         self._add_cause()
         self._view = View(server, session, robot, self._redraws.ask)
         self._place()
+        server.guard.clicked = self._on_failure
         self._redraws.ask()
 
     def end(self) -> None:
@@ -107,6 +109,12 @@ class Page:
         """Ends a preview or a shown motion."""
         self._session.show_step()
         self._changed(self._session.step)
+
+    def _on_failure(self, number: int) -> None:
+        """Shows where a cell of the map is worst."""
+        if self._session.motion is not None:
+            self._on_end()
+        self._view.go_to(number)
 
     def _on_undo(self) -> None:
         step = self._session.undo()

@@ -10,6 +10,7 @@ from typing import Union
 from btr._studio import failures
 from btr._studio.candidates import Candidate
 from btr._studio.scene import BODY, GHOST, STEPS, Colour, colour_of
+from btr._studio.server import CLICKED, CLICKS
 from btr.documents import NextExperiment, RegimeFailure
 from btr.results import CompareResult
 
@@ -109,7 +110,7 @@ def regimes(comparison: Union[CompareResult, None], joints: Sequence[str], cover
     worst = None if comparison is None else failures.worst(comparison)
     if comparison is None or worst is None:
         return ""
-    head = note(f"Joints and regimes of motion, error in noise floors, of {covered}.")
+    head = note(f"Joints and regimes of motion, error in noise floors, of {covered}. A click shows where it is worst.")
     return head + _map(comparison.failures, joints) + note(_worst(worst, failures.named(comparison)))
 
 
@@ -128,7 +129,7 @@ def _told(failure: RegimeFailure) -> str:
 
 
 def _map(found: Sequence[RegimeFailure], joints: Sequence[str]) -> str:
-    cell_of = {(failure.joint, failure.regime): failure for failure in found}
+    number_of = {(failure.joint, failure.regime): number for number, failure in enumerate(found)}
     columns = [joint for joint in joints if any(joint == failure.joint for failure in found)]
     rows = list(dict.fromkeys(failure.regime for failure in found))
     top = "".join(f'<th style="text-align:center;font-weight:600">{escape(joint)}</th>' for joint in columns)
@@ -136,18 +137,23 @@ def _map(found: Sequence[RegimeFailure], joints: Sequence[str]) -> str:
     for regime in rows:
         cells = ""
         for joint in columns:
-            failure = cell_of.get((joint, regime))
-            cells += "<td></td>" if failure is None else _cell(failure)
+            number = number_of.get((joint, regime))
+            cells += "<td></td>" if number is None else _cell(number, found[number])
         body += f'<tr><td style="white-space:nowrap">{escape(regime.replace("_", " "))}</td>{cells}</tr>'
     style = "border-collapse:separate;border-spacing:2px;font-size:12px"
     table = f'<table style="{style}"><tr><th></th>{top}</tr>{body}</table>'
     return box(f'<div style="overflow-x:auto">{table}</div>')
 
 
-def _cell(failure: RegimeFailure) -> str:
+def _cell(number: int, failure: RegimeFailure) -> str:
+    """A number of the map. viser tells no click on HTML: the page asks for an address of the server's own."""
     chi = failures.chi(failure)
     style = f"background:{css(colour_of(chi))};color:#111827;text-align:center;border-radius:3px;padding:1px 8px"
-    return f'<td style="{style}" title="{escape(failure.hint)}">{_floors(chi)}</td>'
+    click = f"fetch('{CLICKS}{number}',{{headers:{{'{CLICKED}':'1'}}}})"
+    plain = "all:unset;cursor:pointer;display:block"
+    label = f'title="{escape(failure.hint)}" aria-label="{escape(_told(failure))}"'
+    button = f'<button type="button" style="{plain}" {label} onclick="{click}">{_floors(chi)}</button>'
+    return f'<td style="{style}">{button}</td>'
 
 
 def card(candidate: Candidate) -> str:

@@ -31,6 +31,10 @@ POLICY = (
     "connect-src 'self' data: blob: ws://{host} wss://{host}; "
     "frame-ancestors 'none'; form-action 'none'; base-uri 'none'"
 )
+CLICKS = "/clicks/"
+"""Address of a click, which a number follows."""
+CLICKED = "X-Btr-Studio"
+"""Header of a click. No foreign page can send it: a browser would first ask whether it may."""
 _PATCHING = threading.Lock()
 
 
@@ -42,6 +46,8 @@ class Guard:
         """What the page's address holds, and then a cookie."""
         self.stands = False
         """Whether a server asks this guard."""
+        self.clicked: Callable[[int], None] = lambda _: None
+        """Called with the number of each click, on a thread of its own."""
         machine = socket.gethostname().lower()
         self._names = {"localhost", host.lower(), machine, f"{machine}.local"}
 
@@ -75,6 +81,10 @@ class Guard:
             return _closed(response)
         if not any(map(self.knows, _cookies(request, name))):
             return _closed(connection.respond(http.HTTPStatus.FORBIDDEN, "open the address that btr studio printed\n"))
+        number = request.path.removeprefix(CLICKS)
+        if number != request.path and number.isdecimal() and CLICKED in request.headers:
+            threading.Thread(target=self.clicked, args=(int(number),), name="btr studio click", daemon=True).start()
+            return _closed(connection.respond(http.HTTPStatus.OK, ""))
         response_or_none = answer(connection, request)
         return None if response_or_none is None else _closed(response_or_none, request.headers["Host"])
 
@@ -112,7 +122,10 @@ def _closed(response: Response, host: str = "") -> Response:
 
 
 class Server(viser.ViserServer):
-    """viser's server without its tunnel to the internet."""
+    """viser's server without its tunnel to the internet, behind a guard."""
+
+    guard: Guard
+    """What answers before viser does."""
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Shares nothing: a page must not publish a robot's logs."""
@@ -139,6 +152,7 @@ def serve(host: str, port: int) -> tuple[Server, str]:
     if not guard.stands:
         server.stop()
         raise RuntimeError("this version of viser is not known to btr studio: pip install 'viser>=1.1,<1.2'")
+    server.guard = guard
     shown = LOOPBACK if host in ("0.0.0.0", "::", "") else host
     shown = f"[{shown}]" if ":" in shown else shown
     return server, f"http://{shown}:{server.get_port()}/?token={guard.token}"

@@ -37,6 +37,13 @@ class Timeline:
         self.player.end_s = end_s
         self._slider.max = round(end_s, 2)
         self.player.time_s = min(self.player.time_s, end_s)
+        self._slider.value = round(self.player.time_s, 3)
+
+    def go_to(self, time_s: float) -> None:
+        """Stops at a time, and shows it once something is loaded that has it."""
+        if self.player.playing:
+            self.toggle()
+        self.player.time_s = time_s
 
     def toggle(self) -> None:
         """Lets the time run or stops it."""

@@ -10,7 +10,7 @@ import numpy as np
 import viser
 
 from btr._studio import panels
-from btr._studio.failures import covered
+from btr._studio.failures import KINDS, covered, place
 from btr._studio.plots import Plots
 from btr._studio.replay import BASE, Replay, Run
 from btr._studio.robot import Robot
@@ -80,9 +80,23 @@ class View:
         comparison = self._session.step.comparison
         if comparison is None or not comparison.channels:
             return
-        worst = {f"{kind}_{failure.joint}" for failure in comparison.failures[:1] for kind in ("q", "tau")}
+        worst = {f"{kind}_{failure.joint}" for failure in comparison.failures[:1] for kind in KINDS}
         channels = [channel for channel in comparison.channels if channel.name in worst] or comparison.channels
         self._channel.value = max(channels, key=lambda channel: channel.chi or 0.0).name
+
+    def go_to(self, number: int) -> None:
+        """Shows the log, the channel and the time where a cell of the map is worst."""
+        comparison = self._session.shown.comparison
+        if comparison is None or number >= len(comparison.failures):
+            return
+        failure = comparison.failures[number]
+        run, time_s = place(failure, [self._session.replay(k) for k in range(len(self._runs))])
+        channels = [f"{kind}_{failure.joint}" for kind in KINDS]
+        with self._lock:
+            self._log.value = self._names[run]
+            self._channel.value = next(filter(self._channel.options.__contains__, channels), self._channel.value)
+            self._time.go_to(time_s)
+        self._asked()
 
     def _add_log(self) -> None:
         self._log: Any = self._server.gui.add_dropdown("Log", self._names, initial_value=self._names[0])
