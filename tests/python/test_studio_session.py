@@ -60,8 +60,22 @@ def test_the_error_waits_for_the_noise_floors() -> None:
     session = Session(ROBOTS / "arm.toml", [ROBOTS / "arm/learn_1.csv"])
     assert session.errors() == (None, None)
     session.compare()
-    learn, held_out = session.errors()
-    assert learn is not None and held_out is None, "no log is held out"
+    assert None not in session.errors()
+
+
+def test_the_end_of_each_log_is_held_out_where_no_log_is() -> None:
+    logs = [ROBOTS / "arm/learn_1.csv", ROBOTS / "arm/learn_2.csv"]
+    session = Session(ROBOTS / "arm.toml", logs)
+    session.compare()
+    found = btr.fit(session.model, logs)
+    assert session.holds_out_tails
+    as_it_stands, (learn, held_out) = found.error_ladder[0], session.errors()
+    # A fit estimates where the end begins; the studio shows each log as a whole.
+    assert learn == pytest.approx(as_it_stands.train, rel=0.02)
+    assert held_out == pytest.approx(as_it_stands.held_out, rel=0.1)
+    told = panels.head("arm", "model as it stands", *session.errors(), tails=True)
+    assert "first 70 %" in told and "Instead, the last 30 % of each log are." in told
+    assert "70 %" not in panels.head("arm", "model as it stands", 1.0, 1.0)
 
 
 def test_the_ladder_grows_while_the_cause_is_searched_for(diagnosed: Diagnosed) -> None:

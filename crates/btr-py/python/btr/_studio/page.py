@@ -267,9 +267,8 @@ class Page:
         step = self._session.shown
         self._head.content = self._told_errors(step, *self._session.errors())
 
-    @staticmethod
-    def _told_errors(step: Step, learn: float | None, held_out: float | None) -> str:
-        return panels.head(step.model.name, step.label, learn, held_out)
+    def _told_errors(self, step: Step, learn: float | None, held_out: float | None) -> str:
+        return panels.head(step.model.name, step.label, learn, held_out, tails=self._session.holds_out_tails)
 
     def _show_comparison(self) -> None:
         session, is_first = self._session, not self._session.floors

@@ -51,17 +51,20 @@ def _floors(error: Union[float, None]) -> str:
     return "infinite" if not math.isfinite(error) else f"{error:.2f}" if error < 10 else f"{error:.1f}"
 
 
-def head(model: str, step: str, learn: Union[float, None], held_out: Union[float, None]) -> str:
-    """The model, what was done last, and its errors."""
+def head(model: str, step: str, learn: Union[float, None], held_out: Union[float, None], *, tails: bool = False) -> str:
+    """The model, what was done last, and its errors; with `tails`, the last 30 % of each log are what is held out."""
     title = f'<b style="font-size:15px">{escape(model)}</b> <span style="{MUTED}">{escape(step)}</span>'
+    names = ("first 70 %", "last 30 %") if tails else ("training logs", "held-out logs")
     rows = "".join(
         f'<div style="display:flex;align-items:baseline;gap:8px"><span style="width:92px;{MUTED}">{name}</span>'
         f'<b style="font-size:18px;width:62px">{_floors(error)}</b>'
         f'<div style="flex:1">{_bar(error, colour_of(error))}</div></div>'
-        for name, error in (("training logs", learn), ("held-out logs", held_out))
+        for name, error in zip(names, (learn, held_out))
         if error is not None
     )
     scale = f'<div style="{SMALL};text-align:right">error in noise floors; the mark is the noise itself</div>'
+    if tails:
+        scale += f'<div style="{SMALL}">No log is held out. Instead, the last 30 % of each log are.</div>'
     return box(title + (rows + scale if rows else f'<div style="{SMALL}">no error in noise floors so far</div>'))
 
 

@@ -14,6 +14,10 @@ from btr.model import Model
 
 Series = NDArray[np.float64]
 
+TAIL = 0.3
+"""Share at the end of each log that `diagnose` and `fit` hold out if no log is."""
+WHOLE = slice(None)
+
 BASE = ("base_x", "base_y", "base_z", "base_qw", "base_qx", "base_qy", "base_qz")
 
 
@@ -57,13 +61,13 @@ class Replay:
         measured, simulated = self.run.measured(channel), self.simulated.get(channel)
         return None if measured is None or simulated is None else measured - simulated
 
-    def squares(self, floors: dict[str, float]) -> tuple[float, int]:
-        """Sum of squared residuals in multiples of the noise floors, and number of residuals. A simulation that
-        diverged has an infinite sum."""
+    def squares(self, floors: dict[str, float], part: slice = WHOLE) -> tuple[float, int]:
+        """Sum of squared residuals of some samples in multiples of the noise floors, and number of residuals. A
+        simulation that diverged has an infinite sum."""
         if self.failed is not None:
             return np.inf, 1
         known = [
-            residual[np.isfinite(residual)] / floor
+            residual[part][np.isfinite(residual[part])] / floor
             for channel, floor in floors.items()
             if floor > 0 and (residual := self.residual(channel)) is not None
         ]
@@ -94,8 +98,16 @@ def on_clock(run: Run, simulated: Log) -> Replay:
     return Replay(run, {channel: np.interp(run.clock_s, clock, values) for channel, values in simulated.items()})
 
 
-def error(replays: Sequence[Replay], floors: dict[str, float]) -> Union[float, None]:
-    """Root mean square error of replays in noise floors; None without readings."""
-    sums = [replay.squares(floors) for replay in replays]
+def error(replays: Sequence[Replay], floors: dict[str, float], *, tail: Union[bool, None] = None) -> Union[float, None]:
+    """Root mean square error of replays in noise floors; None without readings. With `tail`, that of the last 30 % of
+    each log, or of all before."""
+    sums = [replay.squares(floors, _part(replay, tail)) for replay in replays]
     count = sum(many for _, many in sums)
     return float(np.sqrt(sum(total for total, _ in sums) / count)) if count else None
+
+
+def _part(replay: Replay, tail: Union[bool, None]) -> slice:
+    if tail is None:
+        return WHOLE
+    cut = int(len(replay.run.clock_s) * (1.0 - TAIL))
+    return slice(cut, None) if tail else slice(cut)

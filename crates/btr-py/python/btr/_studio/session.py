@@ -159,6 +159,11 @@ class Session:
         return [plain(name) for name in self.step.added]
 
     @property
+    def holds_out_tails(self) -> bool:
+        """Whether the last 30 % of each log are held out, as no log is."""
+        return not any(run.held_out for run in self.runs)
+
+    @property
     def journey(self) -> Journey:
         """How the present model came about."""
         step = self.step
@@ -191,10 +196,12 @@ class Session:
         return self.errors_of([self.replay(number) for number in range(len(self.runs))])
 
     def errors_of(self, replays: Sequence[Replay]) -> Errors:
-        """Errors of replays in noise floors, over the training and over the held-out logs; None without such logs or
-        before `compare`."""
+        """Errors of replays in noise floors, over the training and over the held-out logs, or what of each log is held
+        out; None before `compare`."""
         if not self.floors:
             return None, None
+        if self.holds_out_tails:
+            return error(replays, self.floors, tail=False), error(replays, self.floors, tail=True)
         learn = [replay for replay in replays if not replay.run.held_out]
         held = [replay for replay in replays if replay.run.held_out]
         return error(learn, self.floors), error(held, self.floors)
