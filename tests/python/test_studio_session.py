@@ -116,6 +116,20 @@ def test_what_is_added_can_be_removed_and_undone(arm: Session) -> None:
     assert arm.undo() is arm.history[0], "the first step stays"
 
 
+def test_a_model_has_the_errors_of_its_ladder(arm: Session) -> None:
+    during = []
+    arm.diagnose(lambda: during.append(arm.errors()))
+    assert arm.errors() == arm.ladder[0][1:] and set(during) == {arm.errors()}
+    for change in (arm.add, arm.preview):
+        assert change([FRICTION]).fit is not None
+        assert arm.errors() == arm.ladder[-1][1:] == (arm.shown.fit.train, arm.shown.fit.held_out)
+        arm.undo()
+    arm.add([FRICTION])
+    arm.set_values({"kp@yaw": 17.0})
+    learn, _ = arm.errors()
+    assert learn > arm.step.fit.train, "set by hand, the model is not the fitted one"
+
+
 def test_a_preview_changes_nothing_and_is_no_work_twice(arm: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     before, replay = arm.errors(), arm.replay(0)
     previewed = arm.preview([FRICTION])

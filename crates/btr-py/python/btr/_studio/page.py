@@ -126,7 +126,7 @@ class Page:
         self._redraws.ask()
 
     def _diagnose(self) -> None:
-        self._session.diagnose(self._tell)
+        self._session.diagnose(self._tell_diagnosis)
         self._changed(self._session.step)
 
     def _previewed(self, names: Names) -> None:
@@ -196,6 +196,11 @@ class Page:
 
     def _tell(self) -> None:
         self._told.content = panels.ladder(list(self._session.ladder), self._status)
+
+    def _tell_diagnosis(self) -> None:
+        """Shows the ladder, and the errors that it begins with at the top as well."""
+        self._tell()
+        self._show_errors()
 
     def _busy(self, busy: bool) -> None:
         self._cancel.visible = busy

@@ -192,8 +192,23 @@ class Session:
         return [replayed(model, run) for run in self.runs]
 
     def errors(self) -> Errors:
-        """Errors of the shown model; see `errors_of`."""
+        """Errors of the shown model: those of its diagnosis or fit, which stand in the ladder, or else of its replays;
+        see `errors_of`."""
+        known = self.told_errors
+        if known is not None:
+            return known
         return self.errors_of([self.replay(number) for number in range(len(self.runs))])
+
+    @property
+    def told_errors(self) -> Union[Errors, None]:
+        """Errors of the shown model as its diagnosis, also one that runs, or its fit has them; None without either.
+        They differ a little from those of the replays, as a fit estimates where each log begins."""
+        step = self.shown
+        told = self._running if step is self._diagnosing else step.ladder if step.diagnosis is not None else []
+        if told:
+            _, learn, held_out = told[0]
+            return learn, held_out
+        return None if step.fit is None or step.by_hand else (step.fit.train, step.fit.held_out)
 
     def errors_of(self, replays: Sequence[Replay]) -> Errors:
         """Errors of replays in noise floors, over the training and over the held-out logs, or what of each log is held
