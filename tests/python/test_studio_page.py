@@ -21,7 +21,7 @@ import btr
 from btr._studio import panels
 from btr._studio import server as server_module
 from btr._studio.candidates import Candidate
-from btr._studio.cause import reach
+from btr._studio.cause import Sliders, reach, step_of
 from btr._studio.failures import covered, place
 from btr._studio.player import Player
 from btr._studio.plots import Lines, extremes
@@ -273,6 +273,17 @@ def test_a_slider_of_a_tiny_value_is_fine_enough() -> None:
     dim = btr.documents.Dimension(known)
     assert reach(dim, 0.25) == (0.0, 1.0)
     assert reach(dim, 5.0) == (0.0, 11.0) == reach(dim, 0.0)
+
+
+def test_sliders_have_fine_steps_and_show_them(served: tuple[Server, str]) -> None:
+    for low, high in ((0.0, 1.0), (0.0, 6.2), (17.0, 23.6), (1e-6, 3e-5), (0.0, 9999.0)):
+        assert 1000 <= (high - low) / step_of(low, high) <= 20_001
+    model = btr.load_model(ROBOTS / "arm.toml").add("coulomb_friction@yaw")
+    session = Session(model.at({"coulomb_friction.torque@yaw": 0.25764, "kp@yaw": 18.9926}), ROBOTS / "arm/learn_1.csv")
+    sliders = Sliders(served[0], lambda *_: None)
+    sliders.load(session)
+    shown = {name: slider.value for name, slider in sliders.sliders.items()}
+    assert shown["coulomb_friction.torque@yaw"] == 0.2576 and shown["kp@yaw"] == 18.993
 
 
 def test_colours_grow_with_the_error() -> None:

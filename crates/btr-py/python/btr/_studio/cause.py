@@ -16,6 +16,7 @@ from btr.results import DiagnoseResult
 
 Names = Sequence[str]
 
+FEWEST_STEPS = 2000
 PREVIEWED = "values without the preview; changing one ends the preview"
 
 
@@ -111,7 +112,8 @@ class Sliders:
         self._place = self._gui.add_folder("Free parameters")
         with self._place:
             self._preview = self._gui.add_html(panels.note(PREVIEWED), visible=False)
-        self._sliders: dict[str, Any] = {}
+        self.sliders: dict[str, Any] = {}
+        """The sliders by the parameter's name."""
 
     def load(self, session: Session) -> None:
         """Shows the parameters of the present model at their values."""
@@ -123,23 +125,22 @@ class Sliders:
         self._preview.visible = session.previewed is not None
 
     def _load(self, parameters: Sequence[Dimension], values: Mapping[str, float]) -> None:
-        for name in [name for name in self._sliders if name not in values]:
-            self._sliders.pop(name).remove()
+        for name in [name for name in self.sliders if name not in values]:
+            self.sliders.pop(name).remove()
         for dim in parameters:
-            value, slider = values[dim.name], self._sliders.get(dim.name)
+            value, slider = values[dim.name], self.sliders.get(dim.name)
             if slider is not None and slider.min <= value <= slider.max:
                 slider.value = _rounded(value, slider)
                 continue
             if slider is not None:
                 slider.remove()
             with self._place:
-                self._sliders[dim.name] = self._slider(dim, value)
+                self.sliders[dim.name] = self._slider(dim, value)
 
     def _slider(self, dim: Dimension, value: float) -> Any:
         low, high = reach(dim, value)
-        step = 10.0 ** math.floor(math.log10((high - low) / 100))
         unit = "" if dim.unit == "1" else f" ({dim.unit})"
-        slider: Any = self._gui.add_slider(f"{dim.name}{unit}", low, high, step, value)
+        slider: Any = self._gui.add_slider(f"{dim.name}{unit}", low, high, step_of(low, high), value)
         slider.value = _rounded(value, slider)
 
         def moved(event: Any) -> None:
@@ -156,6 +157,11 @@ def reach(dim: Dimension, value: float) -> tuple[float, float]:
     if dim.min == 0 and 0 < value < 0.1 * dim.max:
         return 0.0, min(dim.max, float(f"{4 * value:.1g}"))
     return dim.min, dim.max
+
+
+def step_of(low: float, high: float) -> float:
+    """A slider's step, a power of ten: from 2000 to 20000 of them between its ends."""
+    return float(10.0 ** math.floor(math.log10((high - low) / FEWEST_STEPS)))
 
 
 def _rounded(value: float, slider: Any) -> float:
