@@ -136,6 +136,7 @@ def test_names_are_escaped() -> None:
         panels.verdict(HOSTILE, is_current=False),
         panels.no_experiment([HOSTILE]),
         panels.note(HOSTILE),
+        panels.at_bounds([(SimpleNamespace(name=HOSTILE, unit=HOSTILE, min=0.0, max=1.0), 1.0)]),
         panels.commands(HOSTILE, HOSTILE),
         panels.lines({HOSTILE: "red"}),
         panels.next_experiment(SimpleNamespace(sentence=HOSTILE, rivals=[rival])),

@@ -103,6 +103,18 @@ def test_a_value_that_is_wrong_is_a_suspect() -> None:
     assert card.law == "mass@upper: 0.5 kg in the logs, 0.7 in the model"
 
 
+def test_a_fit_tells_what_ended_at_a_bound(arm: Session) -> None:
+    assert panels.at_bounds(arm.at_bounds) == ""
+    arm.fit()
+    told = panels.at_bounds(arm.at_bounds)
+    assert "kd@yaw ended at its upper bound, 0.59 N·m·s/rad; the best value may lie beyond it" in told
+    arm.set_values({"kd@yaw": 0.5})
+    assert "kd@yaw" not in panels.at_bounds(arm.at_bounds)
+    known = {"name": "backlash.gap@yaw", "unit": "rad", "min": 0.0, "max": 0.1, "scale": "linear", "nominal": 0.0}
+    told = panels.at_bounds([(btr.documents.Dimension(known), 0.0)])
+    assert "backlash.gap@yaw ended at its lower bound, 0 rad<" in told
+
+
 def test_what_is_added_can_be_removed_and_undone(arm: Session) -> None:
     before = arm.errors()[1]
     added = arm.add([FRICTION])

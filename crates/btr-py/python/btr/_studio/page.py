@@ -72,6 +72,7 @@ class Page:
         self._ask = gui.add_button("What is missing?", color="violet", icon=viser.Icon.SEARCH)
         self._cancel = gui.add_button("Cancel", color="red", icon=viser.Icon.X, visible=False)
         self._told = gui.add_html("")
+        self._bounds = gui.add_html("")
         self._verdict = gui.add_html("")
         self._undo = gui.add_button("Undo", color="gray", icon=viser.Icon.ARROW_BACK_UP, disabled=True)
         self._candidates = Candidates(self._server, self._on_add, self._on_remove, self._on_preview)
@@ -271,6 +272,7 @@ class Page:
     def _show_errors(self) -> None:
         step = self._session.shown
         self._head.content = self._told_errors(step, *self._session.errors())
+        self._bounds.content = panels.at_bounds(self._session.at_bounds)
 
     def _told_errors(self, step: Step, learn: float | None, held_out: float | None) -> str:
         return panels.head(step.model.name, step.label, learn, held_out, tails=self._session.holds_out_tails)

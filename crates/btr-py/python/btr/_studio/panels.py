@@ -11,7 +11,8 @@ from btr._studio import failures
 from btr._studio.candidates import Candidate
 from btr._studio.scene import BODY, GHOST, STEPS, Colour, colour_of
 from btr._studio.server import CLICKED, CLICKS
-from btr.documents import NextExperiment, RegimeFailure
+from btr._tables import cell
+from btr.documents import Dimension, NextExperiment, RegimeFailure
 from btr.results import CompareResult
 
 Ladder = Sequence[tuple[str, float, Union[float, None]]]
@@ -198,6 +199,17 @@ def verdict(finding: str, *, is_current: bool) -> str:
     if is_current:
         return box(text, "font-weight:600")
     return box("This diagnosis is about an earlier model: ask again what is missing.") + box(text, SMALL)
+
+
+def at_bounds(ended: Sequence[tuple[Dimension, float]]) -> str:
+    """Which parameters a fit left at which bound."""
+    told = []
+    for dim, bound in ended:
+        which, unit = "lower" if bound == dim.min else "upper", "" if dim.unit == "1" else f" {dim.unit}"
+        # A bound at 0 is mostly one of physics.
+        beyond = "" if bound == 0.0 else "; the best value may lie beyond it"
+        told.append(f"{dim.name} ended at its {which} bound, {cell(bound)}{unit}{beyond}")
+    return "".join(map(note, told))
 
 
 def note(text: str) -> str:

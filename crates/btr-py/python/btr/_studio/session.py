@@ -19,6 +19,7 @@ from btr._studio.candidates import Candidate, candidates, plain
 from btr._studio.replay import Replay, Run, begun, error, replayed
 from btr._studio.saved import Journey, Saved, save
 from btr._studio.work import Batches
+from btr.documents import Dimension
 from btr.model import Model, loaded
 from btr.results import CompareResult, DiagnoseResult, FitResult
 from btr.verbs import Tell, compare, diagnose, fit
@@ -157,6 +158,17 @@ class Session:
     def added(self) -> list[Candidate]:
         """What was added to the first model, each by itself."""
         return [plain(name) for name in self.step.added]
+
+    @property
+    def at_bounds(self) -> list[tuple[Dimension, float]]:
+        """Parameters that the fit of the shown model left at a bound, each with that bound; those that were set since
+        are left out."""
+        step = self.shown
+        if step.fit is None:
+            return []
+        ended = {p.name: p.value for p in step.fit.parameters if p.at_bound and p.name not in step.by_hand}
+        dims = [dim for dim in step.model.parameters if dim.name in ended]
+        return [(dim, min(dim.min, dim.max, key=lambda bound: abs(bound - ended[dim.name]))) for dim in dims]
 
     @property
     def holds_out_tails(self) -> bool:
