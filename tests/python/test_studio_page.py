@@ -7,6 +7,7 @@ import queue
 import socket
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from urllib.parse import urlsplit
@@ -124,7 +125,8 @@ def test_names_are_escaped() -> None:
     hostile = SimpleNamespace(joint=HOSTILE, regime="fast", chi=3.0, hint=HOSTILE, log=HOSTILE)
     verdict = SimpleNamespace(sentences=[HOSTILE, HOSTILE])
     comparison = SimpleNamespace(verdict=verdict, failures=[hostile], warnings=[HOSTILE], not_judged=[HOSTILE])
-    card = Candidate((HOSTILE,), HOSTILE, HOSTILE, (HOSTILE,), 0.5, True, (HOSTILE,), 1.0)
+    likely = (SimpleNamespace(name=HOSTILE, probability=0.3),)
+    card = Candidate((HOSTILE,), HOSTILE, HOSTILE, (HOSTILE,), 0.5, True, (HOSTILE,), likely, 1.0)
     rival = SimpleNamespace(effect=HOSTILE, separation=2.0)
     texts = [
         panels.head(HOSTILE, HOSTILE, 1.0, 1.0),
@@ -132,6 +134,7 @@ def test_names_are_escaped() -> None:
         panels.sentence(comparison, HOSTILE),
         panels.regimes(comparison, [HOSTILE], HOSTILE),
         panels.card(card),
+        panels.card(replace(card, alike=())),
         panels.verdict(HOSTILE, is_current=True),
         panels.verdict(HOSTILE, is_current=False),
         panels.no_experiment([HOSTILE]),

@@ -89,18 +89,25 @@ def test_cards_say_what_is_known_of_a_suspect(diagnosed: Diagnosed) -> None:
     assert first.names == (FRICTION,) and first.established and first.probability > 0.5
     assert "sign(dq)" in first.law and "square wave" in first.shows
     assert first.values[0].startswith("coulomb_friction.torque@yaw = 0.2")
-    assert others and all(other.probability is None for other in others)
+    presliding = next(other for other in others if other.names == ("presliding_friction@yaw",))
+    assert others and all(0.0 <= other.probability < 0.5 for other in others) and presliding.probability > 0.01
+    share = f"{100 * presliding.probability:.0f} %"
+    assert f"cannot tell it from presliding_friction@yaw (probability {share})" in panels.card(first)
+    assert f"probability {share}, held-out error" in panels.card(presliding)
+    assert any("probability &lt; 1 %" in panels.card(other) for other in others)
     assert FRICTION not in [name for other in others for name in other.names]
 
 
 def test_a_value_that_is_wrong_is_a_suspect() -> None:
     estimate = {"name": "mass@upper", "unit": "kg", "value": 0.5, "ci95": None, "at_bound": True, "by_bounds": False}
-    value = {"value": "mass", "site": "upper", "alike": [], "probability": 0.9, "established": True}
+    rivals = [{"name": None, "probability": 0.07}, {"name": "payload@upper", "probability": 0.03}]
+    value = {"value": "mass", "site": "upper", "alike": [], "probability": 0.9, "established": True, "rivals": rivals}
     report = {**value, "parameters": [{**estimate, "in_model": 0.7}]}
     document = {"verdict": "value_wrong", "effects": [], "wrong_values": [report], "ranking": []}
     (card,) = candidates(btr.DiagnoseResult(document, None, None, None))
     assert card.names == ("mass@upper",)
     assert card.law == "mass@upper: 0.5 kg in the logs, 0.7 in the model"
+    assert "the rest of the probability: the model without it 7 %, payload@upper 3 %" in panels.card(card)
 
 
 def test_a_fit_tells_what_ended_at_a_bound(arm: Session) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Union
 
 from btr._btr import BtrError
 from btr._tables import cell
-from btr.documents import EffectReport, Estimate, RankedCandidate, ValueReport
+from btr.documents import EffectReport, Estimate, RankedCandidate, RivalProbability, ValueReport
 from btr.documents._common import interval
 from btr.results import DiagnoseResult
 from btr.results._effects import names_of
@@ -29,11 +30,13 @@ class Candidate:
     values: tuple[str, ...]
     """Its parameters with their intervals, as texts."""
     probability: Union[float, None]
-    """Posterior probability among the candidates of its round; None for a suspect that was not chosen."""
+    """Posterior probability among the candidates of its round, 0 if it is below 0.01; None where that is not known."""
     established: bool
     """Whether the diagnosis establishes it."""
     alike: tuple[str, ...]
     """What these logs cannot tell it from."""
+    rivals: tuple[RivalProbability, ...]
+    """Who has the rest of its probability."""
     held_out: Union[float, None]
     """Error on the held-out logs with it, in noise floors; None where that is not known."""
 
@@ -51,13 +54,15 @@ def candidates(found: DiagnoseResult) -> list[Candidate]:
     named = [_effect(effect) for effect in found.effects] + [_value(value) for value in found.wrong_values]
     known = {name for candidate in named for name in candidate.names}
     others = [ranked for ranks in found.ranking[:1] for ranked in ranks if ranked.name not in known]
-    return named + [_other(ranked) for ranked in others[:MOST_OTHERS]]
+    supports = [*found.effects, *found.wrong_values]
+    likely = {rival.name: rival.probability for support in supports for rival in support.rivals}
+    return named + [_other(ranked, likely) for ranked in others[:MOST_OTHERS]]
 
 
 def plain(name: str) -> Candidate:
     """An effect or a value by its name alone."""
     law, shows = _law(name.partition("@")[0])
-    return Candidate((name,), law, shows, (), None, False, (), None)
+    return Candidate((name,), law, shows, (), None, False, (), (), None)
 
 
 def _effect(report: EffectReport) -> Candidate:
@@ -70,6 +75,7 @@ def _effect(report: EffectReport) -> Candidate:
         probability=report.probability,
         established=report.established,
         alike=tuple(report.alike),
+        rivals=tuple(report.rivals),
         held_out=None,
     )
 
@@ -85,12 +91,15 @@ def _value(report: ValueReport) -> Candidate:
         probability=report.probability,
         established=report.established,
         alike=tuple(report.alike),
+        rivals=tuple(report.rivals),
         held_out=None,
     )
 
 
-def _other(ranked: RankedCandidate) -> Candidate:
-    return replace(plain(ranked.name), held_out=ranked.held_out)
+def _other(ranked: RankedCandidate, likely: Mapping[Union[str, None], float]) -> Candidate:
+    """A suspect that was not chosen; `likely` are the probabilities from 0.01 on, none where they are not known."""
+    probability = likely.get(ranked.name, 0.0) if likely else None
+    return replace(plain(ranked.name), held_out=ranked.held_out, probability=probability)
 
 
 def _law(effect: str) -> tuple[str, str]:

@@ -169,10 +169,26 @@ def card(candidate: Candidate) -> str:
         f"<code>{escape(candidate.law)}</code>" if candidate.law else "",
         f'<span style="{MUTED}">shows as: {escape(candidate.shows)}</span>' if candidate.shows else "",
         *(f"<b>{escape(value)}</b>" for value in candidate.values),
-        f"these logs cannot tell it from {escape(', '.join(candidate.alike))}" if candidate.alike else "",
-        facts,
+        f"these logs cannot tell it from {escape(_alike(candidate))}" if candidate.alike else "",
+        escape(_rest(candidate)),
+        escape(facts),
     ]
     return box("<br>".join(line for line in lines if line), "font-size:12px")
+
+
+def _alike(candidate: Candidate) -> str:
+    """What a suspect cannot be told from, with the probabilities that are known."""
+    likely = {rival.name: rival.probability for rival in candidate.rivals}
+    return ", ".join(
+        f"{name} (probability {_percent(likely[name])})" if name in likely else name for name in candidate.alike
+    )
+
+
+def _rest(candidate: Candidate) -> str:
+    """Who else has a part of a suspect's probability."""
+    others = [rival for rival in candidate.rivals if rival.name not in candidate.alike]
+    told = [f"{rival.name or 'the model without it'} {_percent(rival.probability)}" for rival in others]
+    return f"the rest of the probability: {', '.join(told)}" if told else ""
 
 
 def next_experiment(proposed: NextExperiment) -> str:
@@ -190,7 +206,7 @@ def no_experiment(rivals: Sequence[str]) -> str:
 
 
 def _percent(share: float) -> str:
-    return "> 99 %" if share > 0.99 else f"{100 * share:.0f} %"
+    return "> 99 %" if share > 0.99 else "< 1 %" if share < 0.01 else f"{100 * share:.0f} %"
 
 
 def verdict(finding: str, *, is_current: bool) -> str:
