@@ -314,6 +314,10 @@ def test_cancelled_work_leaves_everything_as_it_was(arm: Session) -> None:
     with pytest.raises(Cancelled):
         arm.diagnose(arm.cancel)
     assert arm.diagnosis is None and len(arm.history) == 1 and arm.batches is None
+    assert [step for step, _, _ in arm.stopped] == ["model as it stands"] and arm.ladder == []
+    told = panels.stopped(arm.stopped)
+    assert "model as it stands" in told and "stopped: best so far; the model is as it was" in told
+    assert "stopped: nothing so far" in panels.stopped([])
     with pytest.raises(Cancelled):
         arm.add([FRICTION], arm.cancel)
     assert len(arm.history) == 1

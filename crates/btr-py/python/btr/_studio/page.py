@@ -175,16 +175,16 @@ class Page:
         ticker.start()
         try:
             work()
-            outcome = ""
+            told = panels.ladder(self._session.ladder, "")
         except Cancelled:
-            outcome = "cancelled"
+            told = panels.stopped(self._session.stopped)
         except (BtrError, OSError) as error:
-            outcome = str(error)
+            told = panels.ladder(self._session.ladder, str(error))
         finally:
             ended.set()
             ticker.join()
             self._busy(False)
-        self._told.content = panels.ladder(self._session.ladder, outcome)
+        self._told.content = told
 
     def _tick(self, status: str, ended: threading.Event) -> None:
         """Says how far the work is, until it ends."""

@@ -98,6 +98,11 @@ def ladder(steps: Ladder, status: str) -> str:
     return box(f'{rows}<div style="{SMALL}">{escape(status)}</div>')
 
 
+def stopped(steps: Ladder) -> str:
+    """How far work came that was cancelled."""
+    return ladder(steps, f"stopped: {'best' if steps else 'nothing'} so far; the model is as it was")
+
+
 def sentence(comparison: Union[CompareResult, None], covered: str) -> str:
     """What `compare` says first of the logs that it covers, and what it warns of."""
     if comparison is None:

@@ -18,7 +18,7 @@ from btr._sources import LogLike, Logs
 from btr._studio.candidates import Candidate, candidates, plain
 from btr._studio.replay import Replay, Run, begun, error, replayed
 from btr._studio.saved import Journey, Saved, save
-from btr._studio.work import Batches
+from btr._studio.work import Batches, Cancelled
 from btr.documents import Dimension
 from btr.model import Model, loaded
 from btr.results import CompareResult, DiagnoseResult, FitResult
@@ -93,6 +93,8 @@ class Session:
         """What a suspect would make of the model; None while the present step is shown."""
         self.motion: Union[Replay, None] = None
         """The next experiment as the diagnosed model does it; None while logs are shown."""
+        self.stopped: Ladder = []
+        """The steps of the work that was cancelled last, as far as it came."""
         self._took_s: dict[int, float] = {}
         self._fits: dict[tuple[str, ...], Step] = {}
         self._running: Ladder = []
@@ -384,6 +386,9 @@ class Session:
 
         try:
             yield work, told
+        except Cancelled:
+            self.stopped = self._running
+            raise
         finally:
             self._work = None
             self._one_at_a_time.release()
