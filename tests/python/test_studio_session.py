@@ -384,6 +384,24 @@ def test_a_model_that_was_not_changed_is_not_fitted_by_the_scripts(arm: Session,
     assert_scripts_come_to(arm.save(), tmp_path)
 
 
+def test_the_saved_model_says_that_older_comments_may_no_longer_hold(arm: Session, tmp_path: Path) -> None:
+    assert "Saved by" not in arm.save().model.read_text(), "nothing was done"
+    arm.add([FRICTION])
+    arm.set_values({"kp@yaw": 18.5, "mass@upper": 0.6123456789})
+    saved = arm.save()
+    begin = saved.model.read_text().partition("# Nominal model")[0].splitlines()
+    assert begin[0].startswith("#:schema") and begin[1].startswith("# Written by btr")
+    done = "coulomb_friction@yaw added; fitted; set by hand: kp@yaw = 18.5, mass@upper = 0.6123."
+    comment = " ".join(line.removeprefix("# ") for line in begin[2:])
+    older = "The comments below are older: what they say may no longer hold."
+    assert comment == f"Saved by btr studio from arm.toml: {done} {older}"
+    again = Session(saved.model, [ROBOTS / "arm/learn_1.csv"], folder=tmp_path)
+    again.set_values({"kp@yaw": 19.0})
+    text = again.save().model.read_text()
+    assert text.count("Saved by btr studio") == text.count("no longer hold") == 1 and "from arm-studio-2.toml" in text
+    assert text.partition("# Nominal model")[2] == again.model.text.partition("# Nominal model")[2]
+
+
 def assert_scripts_come_to(saved: Saved, folder: Path) -> None:
     """Runs both scripts without their diagnosis, and compares the models that they write with the saved one."""
     wanted = btr.load_model(saved.model)

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import re
 import shlex
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 from typing import Union
 
 from btr._btr import BtrError
 from btr._studio.replay import Run
+from btr._tables import cell
 from btr.model import Model, loaded
 from btr.results import Reported
+
+
+_SAVED, _OLDER = "Saved by btr studio", "# The comments below are older: what they say may no longer hold."
+_EARLIER = re.compile(rf"^# {_SAVED} from (?:.*\n)*?{re.escape(_OLDER)}\n", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -63,13 +70,31 @@ def save(folder: Path, model: Model, journey: Journey, report: Reported) -> Save
     """Writes the files into `folder`, under names of which none exists. Raises `BtrError` if one cannot be written."""
     stem = _free(folder, re.sub(r"[^\w.-]+", "_", journey.first.name).lstrip(".") or "model")
     saved = Saved(folder / f"{stem}.toml", folder / f"{stem}.html", folder / f"{stem}.sh", folder / f"{stem}.py")
-    model.save(saved.model)
+    commented(model, journey).save(saved.model)
     report.report(saved.report)
     if not journey.is_of_files:
         return Saved(saved.model, saved.report, None, None)
     _write(saved.shell, shell(journey))
     _write(saved.python, python(journey))
     return saved
+
+
+def commented(model: Model, journey: Journey) -> Model:
+    """The model with a comment at its beginning that says what was done, and that older comments may no longer hold.
+    It replaces such a comment of the first model."""
+    fitted = "fitted" if journey.is_fitted else ""
+    added = f"{', '.join(journey.added)} added" if journey.added else ""
+    by_hand = ", ".join(f"{name} = {cell(value)}" for name, value in journey.by_hand.items())
+    done = [part for part in (added, fitted, by_hand and f"set by hand: {by_hand}") if part]
+    if not done:
+        return model
+    name = Path(journey.first.path).name
+    told = f"{_SAVED} from {name}: {'; '.join(done)}."
+    comment = textwrap.fill(told, 118, initial_indent="# ", subsequent_indent="# ", break_on_hyphens=False)
+    lines = _EARLIER.sub("", model.text).splitlines(keepends=True)
+    # Editors want the schema first, and btr its own mark next.
+    before = sum(1 for _ in takewhile(lambda line: line.startswith(("#:schema", "# Written by btr")), lines))
+    return model._with_text("".join([*lines[:before], f"{comment}\n{_OLDER}\n", *lines[before:]]))
 
 
 def shell(journey: Journey) -> str:
