@@ -122,7 +122,7 @@ def test_a_viser_that_cannot_be_guarded_does_not_serve(monkeypatch: pytest.Monke
 
 
 def test_names_are_escaped() -> None:
-    hostile = SimpleNamespace(joint=HOSTILE, regime="fast", chi=3.0, hint=HOSTILE, log=HOSTILE)
+    hostile = SimpleNamespace(joint=HOSTILE, regime="fast", chi=3.0, hint=HOSTILE, log=HOSTILE, t0=0.0, t1=1.0)
     verdict = SimpleNamespace(sentences=[HOSTILE, HOSTILE])
     comparison = SimpleNamespace(verdict=verdict, failures=[hostile], warnings=[HOSTILE], not_judged=[HOSTILE])
     likely = (SimpleNamespace(name=HOSTILE, probability=0.3),)
@@ -139,6 +139,7 @@ def test_names_are_escaped() -> None:
         panels.verdict(HOSTILE, is_current=False),
         panels.no_experiment([HOSTILE]),
         panels.note(HOSTILE),
+        panels.went(hostile),
         panels.at_bounds([(SimpleNamespace(name=HOSTILE, unit=HOSTILE, min=0.0, max=1.0), 1.0)]),
         panels.commands(HOSTILE, HOSTILE),
         panels.lines({HOSTILE: "red"}),

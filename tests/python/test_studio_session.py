@@ -74,7 +74,7 @@ def test_the_end_of_each_log_is_held_out_where_no_log_is() -> None:
     assert learn == pytest.approx(as_it_stands.train, rel=0.02)
     assert held_out == pytest.approx(as_it_stands.held_out, rel=0.1)
     told = panels.head("arm", "model as it stands", *session.errors(), tails=True)
-    assert "first 70 %" in told and "Instead, the last 30 % of each log are." in told
+    assert "first 70 %" in told and "the last 30 % of each log are held out." in told
     assert "70 %" not in panels.head("arm", "model as it stands", 1.0, 1.0)
 
 

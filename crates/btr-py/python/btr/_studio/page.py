@@ -68,17 +68,18 @@ class Page:
 
     def _add_cause(self) -> None:
         gui = self._server.gui
+        gui.add_html(panels.WIDER)
         self._head = gui.add_html(panels.head(self._session.model.name, self._session.step.label, None, None))
         self._ask = gui.add_button("What is missing?", color="violet", icon=viser.Icon.SEARCH)
         self._cancel = gui.add_button("Cancel", color="red", icon=viser.Icon.X, visible=False)
         self._told = gui.add_html("")
-        self._bounds = gui.add_html("")
         self._verdict = gui.add_html("")
         self._undo = gui.add_button("Undo", color="gray", icon=viser.Icon.ARROW_BACK_UP, disabled=True)
         self._candidates = Candidates(self._server, self._on_add, self._on_remove, self._on_preview)
         self._next = NextExperiment(self._server, self._on_motion, self._on_end)
         self._sliders = Sliders(self._server, self._on_value)
         self._fit = gui.add_button("Fit all", color="gray", icon=viser.Icon.ADJUSTMENTS)
+        self._bounds = gui.add_html("")
         self._save = gui.add_button("Save model, report and scripts", color="gray", icon=viser.Icon.DEVICE_FLOPPY)
         self._saved = gui.add_html("")
         with gui.add_folder("The same without this page", expand_by_default=False):

@@ -19,6 +19,8 @@ Ladder = Sequence[tuple[str, float, Union[float, None]]]
 
 MUTED = "color:#6b7280"
 SMALL = f"font-size:12px;line-height:1.45;{MUTED}"
+# viser's number beside a slider is too narrow for five digits.
+WIDER = "<style>.mantine-NumberInput-root{width:4.2rem!important}</style>"
 _MOST_FLOORS = 100.0
 
 
@@ -65,7 +67,7 @@ def head(model: str, step: str, learn: Union[float, None], held_out: Union[float
     )
     scale = f'<div style="{SMALL};text-align:right">error in noise floors; the mark is the noise itself</div>'
     if tails:
-        scale += f'<div style="{SMALL}">No log is held out. Instead, the last 30 % of each log are.</div>'
+        scale += f'<div style="{SMALL}">No log is named as held out: the last 30 % of each log are held out.</div>'
     return box(title + (rows + scale if rows else f'<div style="{SMALL}">no error in noise floors so far</div>'))
 
 
@@ -137,6 +139,12 @@ def _told(failure: RegimeFailure) -> str:
     return f"{failure.joint} {failures.words(failure)} ({_floors(failures.chi(failure))})"
 
 
+def went(failure: RegimeFailure) -> str:
+    """Where a click on the map has gone."""
+    begin, end = failure.t0, failure.t1
+    return note(f"Shown: {_told(failure)}. Most of that error in {failure.log} is from {begin:.2f} s to {end:.2f} s.")
+
+
 def _map(found: Sequence[RegimeFailure], joints: Sequence[str]) -> str:
     number_of = {(failure.joint, failure.regime): number for number, failure in enumerate(found)}
     columns = [joint for joint in joints if any(joint == failure.joint for failure in found)]
@@ -159,7 +167,7 @@ def _cell(number: int, failure: RegimeFailure) -> str:
     chi = failures.chi(failure)
     style = f"background:{css(colour_of(chi))};color:#111827;text-align:center;border-radius:3px;padding:1px 8px"
     click = f"fetch('{CLICKS}{number}',{{headers:{{'{CLICKED}':'1'}}}})"
-    plain = "all:unset;cursor:pointer;display:block"
+    plain = "all:unset;cursor:pointer;display:block;width:100%"
     label = f'title="{escape(failure.hint)}" aria-label="{escape(_told(failure))}"'
     button = f'<button type="button" style="{plain}" {label} onclick="{click}">{_floors(chi)}</button>'
     return f'<td style="{style}">{button}</td>'

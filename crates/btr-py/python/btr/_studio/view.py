@@ -17,6 +17,7 @@ from btr._studio.robot import Robot
 from btr._studio.scene import Scene
 from btr._studio.session import Session
 from btr._studio.timeline import Timeline
+from btr.results import CompareResult
 
 MAGNIFIED = {"as it is": 1.0, "5 times as large": 5.0, "20 times as large": 20.0}
 
@@ -29,7 +30,7 @@ class View:
         self._server, self._session, self._asked = server, session, asked
         self._lock = threading.RLock()
         self._replay: Replay | None = None
-        self._moving = False
+        self._comparison: CompareResult | None = None
         self._scene = Scene(server, robot, floats=BASE[0] in session.replay(0).simulated)
         self._runs, self._names = session.runs, labels(session.runs)
         self.panel = server.gui.add_panel()
@@ -38,6 +39,7 @@ class View:
             self._add_time()
             self._add_channel()
             self._sentence = server.gui.add_html(panels.sentence(None, ""))
+            self._went = server.gui.add_html("")
             self._regimes = server.gui.add_html("")
 
     @property
@@ -69,6 +71,8 @@ class View:
         of = covered(self._runs)
         self._sentence.content = panels.sentence(comparison, of)
         self._regimes.content = panels.regimes(comparison, self._session.model.joints, of)
+        if comparison is not self._comparison:
+            self._comparison, self._went.content = comparison, ""
         channels = self._session.channels
         if list(self._channel.options) != channels:
             chosen = self._channel.value
@@ -96,6 +100,7 @@ class View:
             self._log.value = self._names[run]
             self._channel.value = next(filter(self._channel.options.__contains__, channels), self._channel.value)
             self._time.go_to(time_s)
+        self._went.content = panels.went(failure)
         self._asked()
 
     def _add_log(self) -> None:
