@@ -139,7 +139,7 @@ def test_names_are_escaped() -> None:
         panels.verdict(HOSTILE, is_current=False),
         panels.no_experiment([HOSTILE]),
         panels.note(HOSTILE),
-        panels.went(hostile),
+        panels.regimes(comparison, [HOSTILE], HOSTILE, 0),
         panels.at_bounds([(SimpleNamespace(name=HOSTILE, unit=HOSTILE, min=0.0, max=1.0), 1.0)]),
         panels.commands(HOSTILE, HOSTILE),
         panels.lines({HOSTILE: "red"}),
@@ -171,6 +171,10 @@ def test_the_map_has_the_cell_that_the_sentence_names_or_says_why_not() -> None:
     assert "elbow moving fast (60.0)" in (other := told(f"{off}, largest under high load", cells))
     assert "The sentence names yaw under high load (52.1)" in other
     assert "The sentence is of the joint's whole motion." in told(off, cells)
+    comparison = SimpleNamespace(verdict=SimpleNamespace(sentences=[off]), failures=cells)
+    chosen = panels.regimes(comparison, ["yaw", "elbow"], "all 3 logs", 1)
+    assert chosen.count("outline") == 1 and "A click" not in chosen
+    assert "Shown: yaw under high load (52.1); most of that error in monday is from 1.25 s to 2.00 s." in chosen
     little = told("every joint is within 1.5 x the noise floor: most of it in yaw after reversals", cells[:2])
     assert "names yaw after reversals (39.8), as it has most of the error of all joints" in little
 

@@ -115,14 +115,18 @@ def sentence(comparison: Union[CompareResult, None], covered: str) -> str:
     return box("<br>".join([of, f"<b>{first}</b>", *others])) + "".join(map(note, warnings))
 
 
-def regimes(comparison: Union[CompareResult, None], joints: Sequence[str], covered: str) -> str:
-    """The map of joints and regimes of motion, coloured by the error in noise floors, of the logs that it covers; and
-    which cell is the worst."""
+def regimes(
+    comparison: Union[CompareResult, None], joints: Sequence[str], covered: str, chosen: Union[int, None] = None
+) -> str:
+    """The map of joints and regimes of motion, coloured by the error in noise floors, of the logs that it covers; which
+    cell is the worst; and where a click on the `chosen` one has gone."""
     worst = None if comparison is None else failures.worst(comparison)
     if comparison is None or worst is None:
         return ""
-    head = note(f"Joints and regimes of motion, error in noise floors, of {covered}. A click shows where it is worst.")
-    return head + _map(comparison.failures, joints) + note(_worst(worst, failures.named(comparison)))
+    found = comparison.failures
+    went = "A click shows where it is worst." if chosen is None else _went(found[chosen])
+    head = note(f"Joints and regimes of motion, error in noise floors, of {covered}. {went}")
+    return head + _map(found, joints, chosen) + note(_worst(worst, failures.named(comparison)))
 
 
 def _worst(worst: RegimeFailure, named: Union[failures.Named, None]) -> str:
@@ -139,13 +143,12 @@ def _told(failure: RegimeFailure) -> str:
     return f"{failure.joint} {failures.words(failure)} ({_floors(failures.chi(failure))})"
 
 
-def went(failure: RegimeFailure) -> str:
-    """Where a click on the map has gone."""
+def _went(failure: RegimeFailure) -> str:
     begin, end = failure.t0, failure.t1
-    return note(f"Shown: {_told(failure)}. Most of that error in {failure.log} is from {begin:.2f} s to {end:.2f} s.")
+    return f"Shown: {_told(failure)}; most of that error in {failure.log} is from {begin:.2f} s to {end:.2f} s."
 
 
-def _map(found: Sequence[RegimeFailure], joints: Sequence[str]) -> str:
+def _map(found: Sequence[RegimeFailure], joints: Sequence[str], chosen: Union[int, None]) -> str:
     number_of = {(failure.joint, failure.regime): number for number, failure in enumerate(found)}
     columns = [joint for joint in joints if any(joint == failure.joint for failure in found)]
     rows = list(dict.fromkeys(failure.regime for failure in found))
@@ -155,17 +158,18 @@ def _map(found: Sequence[RegimeFailure], joints: Sequence[str]) -> str:
         cells = ""
         for joint in columns:
             number = number_of.get((joint, regime))
-            cells += "<td></td>" if number is None else _cell(number, found[number])
+            cells += "<td></td>" if number is None else _cell(number, found[number], number == chosen)
         body += f'<tr><td style="white-space:nowrap">{escape(regime.replace("_", " "))}</td>{cells}</tr>'
     style = "border-collapse:separate;border-spacing:2px;font-size:12px"
     table = f'<table style="{style}"><tr><th></th>{top}</tr>{body}</table>'
     return box(f'<div style="overflow-x:auto">{table}</div>')
 
 
-def _cell(number: int, failure: RegimeFailure) -> str:
+def _cell(number: int, failure: RegimeFailure, is_chosen: bool) -> str:
     """A number of the map. viser tells no click on HTML: the page asks for an address of the server's own."""
     chi = failures.chi(failure)
     style = f"background:{css(colour_of(chi))};color:#111827;text-align:center;border-radius:3px;padding:1px 8px"
+    style += ";outline:2px solid #111827" if is_chosen else ""
     click = f"fetch('{CLICKS}{number}',{{headers:{{'{CLICKED}':'1'}}}})"
     plain = "all:unset;cursor:pointer;display:block;width:100%"
     label = f'title="{escape(failure.hint)}" aria-label="{escape(_told(failure))}"'

@@ -39,7 +39,6 @@ class View:
             self._add_time()
             self._add_channel()
             self._sentence = server.gui.add_html(panels.sentence(None, ""))
-            self._went = server.gui.add_html("")
             self._regimes = server.gui.add_html("")
 
     @property
@@ -68,11 +67,10 @@ class View:
     def load_comparison(self) -> None:
         """Shows where the present model fails."""
         comparison = self._session.shown.comparison
-        of = covered(self._runs)
-        self._sentence.content = panels.sentence(comparison, of)
-        self._regimes.content = panels.regimes(comparison, self._session.model.joints, of)
         if comparison is not self._comparison:
-            self._comparison, self._went.content = comparison, ""
+            self._comparison = comparison
+            self._sentence.content = panels.sentence(comparison, covered(self._runs))
+            self._show_map(None)
         channels = self._session.channels
         if list(self._channel.options) != channels:
             chosen = self._channel.value
@@ -100,8 +98,12 @@ class View:
             self._log.value = self._names[run]
             self._channel.value = next(filter(self._channel.options.__contains__, channels), self._channel.value)
             self._time.go_to(time_s)
-        self._went.content = panels.went(failure)
+        self._show_map(number)
         self._asked()
+
+    def _show_map(self, chosen: int | None) -> None:
+        joints, of = self._session.model.joints, covered(self._runs)
+        self._regimes.content = panels.regimes(self._session.shown.comparison, joints, of, chosen)
 
     def _add_log(self) -> None:
         self._log: Any = self._server.gui.add_dropdown("Log", self._names, initial_value=self._names[0])
