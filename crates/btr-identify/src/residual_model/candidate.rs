@@ -10,11 +10,13 @@ pub enum CandidateKind {
     Value,
 }
 
-/// A shape that is the order of a ripple in a position: its starts come from the error as well.
+/// Shapes that are the order and the phase of a ripple in a position: their starts come from the error as well.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ripple {
-    /// Which of the candidate's shapes.
-    pub shape: usize,
+    /// Which of the candidate's shapes is the order.
+    pub order: usize,
+    /// Which of them is the phase, in rad.
+    pub phase: usize,
     /// The channel of the position.
     pub channel: String,
 }

@@ -109,9 +109,10 @@ impl IdentificationProblem {
         if starts.is_empty() {
             starts.push(vec![0.0; shapes.len()]);
         }
-        // A shape of this name is the order of a ripple in the joint's position.
-        let order = spec.params.iter().filter(|param| param.shape).position(|param| param.name == "order");
-        let ripple = order.map(|shape| Ripple { shape, channel: format!("q_{}", instance(&site).0) });
+        // Shapes of these names are the order and the phase of a ripple in the joint's position.
+        let shape = |name: &str| spec.params.iter().filter(|param| param.shape).position(|param| param.name == name);
+        let channel = format!("q_{}", instance(&site).0);
+        let ripple = shape("order").zip(shape("phase")).map(|(order, phase)| Ripple { order, phase, channel });
         self.near.push(if effect.changes_readings() { Vec::new() } else { self.shows_in(&site) });
         let effect_name = spec.name.to_owned();
         let (similar, nested) = (Vec::new(), Vec::new());

@@ -11,12 +11,13 @@ mod start_point;
 use super::own;
 use crate::fit::{FitPoint, LogSet, Objective, corrected, shared, squares};
 use crate::residual_model::{EffectCandidate, Needs, Parametrisation};
-use btr_core::signal::ripple::orders;
+use btr_core::signal::ripple::ripples;
 use linear::{BasePoint, STRETCH};
 use start_point::ProbeSizes;
 use start_point::is_switched;
 pub(crate) use start_point::{StartPoint, has_two_sides, is_searched, with};
 use std::cmp::Ordering::Equal;
+use std::f64::consts::PI;
 
 /// Probes of the first pass, and of the second one.
 const COARSE: ProbeSizes = ProbeSizes {
@@ -154,10 +155,19 @@ fn starts(objective: &Objective, candidate: usize, log: usize, residual: &[f64])
     let Some(rows) = channel.map(|channel| channel.samples.clone()) else { return starts };
     let measured = objective.description.measured.get(log);
     let Some(position) = measured.and_then(|values| values.get(rows.clone())) else { return starts };
-    let order = &objective.parameters()[candidate.shapes[ripple.shape]];
-    for seen in orders(position, &residual[rows], ORDERS) {
+    let of = |shape: usize| &objective.parameters()[candidate.shapes[shape]];
+    let (order, phase) = (of(ripple.order), of(ripple.phase));
+    for seen in ripples(position, &residual[rows], ORDERS) {
         let mut with_order = candidate.starts.clone();
-        with_order.iter_mut().for_each(|start| start[ripple.shape] = order.clamp(order.coordinate(seen)));
+        with_order.iter_mut().for_each(|start| start[ripple.order] = order.clamp(order.coordinate(seen.order)));
+        if let Some(shown) = seen.phase {
+            // A torque moves the error its way, or against it.
+            with_order.truncate(2);
+            for (start, turned) in with_order.iter_mut().zip([0.0, PI]) {
+                let within = (shown + turned + PI).rem_euclid(2.0 * PI) - PI;
+                start[ripple.phase] = phase.clamp(phase.coordinate(within));
+            }
+        }
         with_order.sort_by(|a, b| a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne()).unwrap_or(Equal));
         with_order.dedup();
         starts.extend(with_order);
