@@ -2,6 +2,7 @@
 //! a crane is not that of a finger.
 
 use btr_core::log::Log;
+use btr_core::signal::smooth::smooth;
 use btr_core::world::{Simulator, WorldError};
 use btr_physics::engine::turned_inertia;
 use btr_physics::model::Model;
@@ -9,7 +10,8 @@ use btr_physics::robot::site::instance;
 use btr_physics::robot::{JointKind, Robot};
 
 /// The desk arm to which the hints of the effect specs refer.
-const DESK: JointScale = JointScale { torque: 1.0, speed: 3.0, inertia: 0.02, rotor: 0.0, mass: 0.5, length: 0.2 };
+const DESK: JointScale =
+    JointScale { torque: 1.0, speed: 3.0, top_speed: None, inertia: 0.02, rotor: 0.0, mass: 0.5, length: 0.2 };
 
 /// Largest share of a joint's measured torque that accelerates its rotor, where the motion is prescribed.
 const OF_ROTOR: f64 = 2.0;
@@ -24,6 +26,8 @@ struct JointScale {
     torque: f64,
     /// Largest usual speed, in rad/s (m/s).
     speed: f64,
+    /// The largest measured speed, in rad/s (m/s), where positions are measured.
+    top_speed: Option<f64>,
     /// Inertia that the joint turns, in kg·m² (kg).
     inertia: f64,
     /// Largest inertia that the measured torques allow for the motor of a prescribed joint, in kg·m² (kg); 0 where
@@ -67,7 +71,17 @@ impl RobotScales {
             let own = scales.joints.iter_mut().filter(|(name, _, _)| *name == joint.name);
             own.for_each(|(_, _, scale)| scale.rotor = most);
         }
+        for (joint, _, scale) in &mut scales.joints {
+            scale.top_speed =
+                recorded[..simulated.len()].iter().filter_map(|log| top_speed(log, joint)).reduce(f64::max);
+        }
+        scales.whole.top_speed = scales.joints.iter().filter_map(|(_, _, scale)| scale.top_speed).reduce(f64::max);
         Ok(scales)
+    }
+
+    /// The largest measured speed at a site, in rad/s (m/s).
+    pub(crate) fn top_speed(&self, site: &str) -> Option<f64> {
+        self.of_joint(site).top_speed
     }
 
     /// Scales from the motions and torques of simulated logs.
@@ -79,7 +93,7 @@ impl RobotScales {
             .map(|((index, link), inertia)| {
                 let length = robot.extent_m(index);
                 let (torque, speed, rotor) = (0.0, 0.0, 0.0);
-                let scale = JointScale { torque, speed, inertia, rotor, mass: link.mass_kg, length };
+                let scale = JointScale { torque, speed, top_speed: None, inertia, rotor, mass: link.mass_kg, length };
                 (link.joint.name.clone(), link.name.clone(), scale)
             })
             .collect();
@@ -93,6 +107,7 @@ impl RobotScales {
         let whole = JointScale {
             torque: largest(|s| s.torque),
             speed: largest(|s| s.speed),
+            top_speed: None,
             inertia: largest(|s| s.inertia),
             rotor: 0.0,
             mass: largest(|s| s.mass),
@@ -119,7 +134,7 @@ impl RobotScales {
             let slides = robot.links[link].joint.kind == JointKind::Prismatic;
             let arm = if slides { 1.0 } else { (inertia / mass).sqrt() };
             let (torque, length) = (mass * G * arm, robot.extent_m(link));
-            JointScale { torque, speed: DESK.speed, inertia, rotor: 0.0, mass, length }
+            JointScale { torque, inertia, mass, length, ..DESK }
         };
         let joints: Vec<_> = robot
             .movable()
@@ -181,6 +196,13 @@ fn torque_by_acceleration(log: &Log, joint: &str) -> Option<f64> {
     ratio.is_finite().then_some(ratio)
 }
 
+/// The largest speed of a joint in a log, by its smoothed position; `None` where that is not recorded.
+fn top_speed(log: &Log, joint: &str) -> Option<f64> {
+    let position = log.channel(&format!("q_{joint}"))?;
+    let speeds = smooth(log.clock_s(), &position.values).into_iter().map(|motion| motion.velocity.abs());
+    speeds.filter(|speed| speed.is_finite()).reduce(f64::max).filter(|top| *top > 0.0)
+}
+
 fn rms(values: &[f64]) -> f64 {
     let finite = || values.iter().filter(|x| x.is_finite());
     (finite().map(|x| x * x).sum::<f64>() / finite().count().max(1) as f64).sqrt()
@@ -217,5 +239,17 @@ mod tests {
         }
         let scales = RobotScales::seen(&arm, &[log]).unwrap();
         assert!((scales.of_unit("N·m", "wrist") - 0.2).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_largest_speed_is_that_of_the_smoothed_position() {
+        let clock: Vec<f64> = (0..1000).map(|i| 0.002 * f64::from(i)).collect();
+        let step = |x: f64| (x / 1e-3).round() * 1e-3;
+        let position = clock.iter().map(|t| step(0.5 * (6.0 * t).sin())).collect();
+        let mut log = Log::new(clock).unwrap();
+        assert_eq!(top_speed(&log, "hinge"), None);
+        log.insert("q_hinge".to_owned(), "rad", Role::Measured, position).unwrap();
+        let top = top_speed(&log, "hinge").unwrap();
+        assert!((top - 3.0).abs() < 0.3, "{top}");
     }
 }

@@ -105,7 +105,9 @@ impl IdentificationProblem {
         };
         let start = |values: Vec<f64>| shapes.iter().zip(&values).map(coordinate).collect();
         let link = self.model.robot.link(&site).unwrap_or(0);
-        let mut starts: Vec<Vec<f64>> = effect.starts(&self.model.robot, link).into_iter().map(start).collect();
+        let top_speed = self.scales.top_speed(&site);
+        let starts = effect.starts(&self.model.robot, link, top_speed);
+        let mut starts: Vec<Vec<f64>> = starts.into_iter().map(start).collect();
         if starts.is_empty() {
             starts.push(vec![0.0; shapes.len()]);
         }

@@ -175,8 +175,8 @@ pub trait Effect: Sync {
         false
     }
     /// Values of its shape parameters from which a search on a link should start: those of its specification, unless
-    /// they depend on the robot.
-    fn starts(&self, _robot: &Robot, _link: usize) -> Vec<Vec<f64>> {
+    /// they depend on the robot, or on the largest measured speed of the link's joint, in rad/s (m/s).
+    fn starts(&self, _robot: &Robot, _link: usize, _top_speed: Option<f64>) -> Vec<Vec<f64>> {
         self.spec().starts.iter().map(|values| values.to_vec()).collect()
     }
     /// What it has to do with the dry friction of its joint.

@@ -36,7 +36,7 @@ impl Effect for ToolLoad {
         robot.base == Base::Fixed && !robot.carries_joint(link)
     }
 
-    fn starts(&self, robot: &Robot, link: usize) -> Vec<Vec<f64>> {
+    fn starts(&self, robot: &Robot, link: usize, _top_speed: Option<f64>) -> Vec<Vec<f64>> {
         // At the end of the link, and beside it: about a joint that rolls the link, only that makes a difference.
         let (end, aside) = (tip(robot, link), ASIDE * robot.extent_m(link));
         let across = |axis: Vector3<f64>| end.cross(&axis).try_normalize(f64::EPSILON);

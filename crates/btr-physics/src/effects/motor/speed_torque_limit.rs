@@ -3,6 +3,11 @@
 
 use crate::actuation::{JointInput, MotorTorque};
 use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
+use crate::robot::Robot;
+
+/// The speed without load, in multiples of the largest measured speed, from which a search starts: a joint that this
+/// limits comes close to it.
+const OF_TOP_SPEED: [f64; 4] = [1.02, 1.4, 2.5, 6.0];
 
 pub(in crate::effects) struct SpeedTorqueLimit;
 
@@ -28,7 +33,28 @@ impl Effect for SpeedTorqueLimit {
         true
     }
 
+    fn starts(&self, _robot: &Robot, _link: usize, top_speed: Option<f64>) -> Vec<Vec<f64>> {
+        match top_speed {
+            Some(top) => OF_TOP_SPEED.iter().map(|factor| vec![factor * top]).collect(),
+            None => SPEC.starts.iter().map(|values| values.to_vec()).collect(),
+        }
+    }
+
     fn motor(&self, p: &[f64], _memory: &mut [f64], motor: &mut MotorTorque, _state: &JointInput) {
         motor.limit_to_line(p[0], p[1]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::Actuator;
+
+    #[test]
+    fn a_search_begins_where_the_joint_gets_little_torque_at_its_largest_speed() {
+        let robot = crate::presets::pendulum::pendulum(1.0, 0.5, Actuator::Passive);
+        let starts = SpeedTorqueLimit.starts(&robot, 1, Some(2.8));
+        assert!(starts.iter().all(|values| values[0] > 2.8) && starts[0][0] < 1.1 * 2.8, "{starts:?}");
+        assert_eq!(SpeedTorqueLimit.starts(&robot, 1, None).len(), SPEC.starts.len());
     }
 }
