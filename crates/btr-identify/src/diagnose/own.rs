@@ -3,7 +3,7 @@
 
 use crate::fit::measure;
 use crate::fit::residual_vector::{chi, squares};
-use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
+use crate::fit::{FitPoint, FitStop, LogSet, Objective, SearchBudget};
 use std::ops::Range;
 
 /// The channels in which a candidate shows, where it does not show in all.
@@ -47,11 +47,11 @@ pub(super) fn adapting<'a>(objective: &'a Objective, candidate: usize) -> impl F
 }
 
 /// Lowers the cost of a fit with a candidate, by what adapts to it.
-pub(super) fn solve(objective: &Objective, candidate: usize, fit: &mut FitPoint, budget: SearchBudget) {
+pub(super) fn solve(objective: &Objective, candidate: usize, fit: &mut FitPoint, budget: SearchBudget) -> FitStop {
     if is_apart(objective, candidate) {
-        fit.solve_among(objective, &adapting(objective, candidate), budget);
+        fit.solve_among(objective, &adapting(objective, candidate), budget)
     } else {
-        fit.solve(objective, budget);
+        fit.solve(objective, budget)
     }
 }
 

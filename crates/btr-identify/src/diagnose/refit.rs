@@ -3,7 +3,7 @@
 use super::own;
 use super::screen::{StartPoint, best, has_two_sides, simulate, simulate_worst, with};
 use crate::fit::residual_vector::chi;
-use crate::fit::{FitPoint, LogSet, Objective, SearchBudget, columns};
+use crate::fit::{FitPoint, FitStop, LogSet, Objective, SearchBudget, columns};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -18,6 +18,9 @@ const BEATEN: f64 = 10.0;
 /// many.
 pub(super) const CLOSE: f64 = 1.5;
 const MOST: usize = 6;
+/// Candidates within this factor of a leader that leaves only noise are fitted further: what a search of few steps
+/// leaves behind would make one of two twins certain.
+const LEVEL: f64 = 1.1;
 /// Start size of a candidate that only passed the first screening, or none.
 const TYPICAL: f64 = 0.5;
 /// ... or sizes at which it is simulated, and how many of those that do best there take part in the race.
@@ -135,7 +138,7 @@ fn run_together(
         own::solve(objective, rival.candidate, &mut rival.fit, SearchBudget::RACE);
     }
     sort(&mut rivals);
-    let mut polished: Vec<Rival> = Vec::new();
+    let (mut polished, mut unfinished): (Vec<Rival>, Vec<usize>) = (Vec::new(), Vec::new());
     for mut rival in rivals {
         let left = |fit: &FitPoint| own::learnt(objective, rival.candidate, fit);
         let best = polished.iter().map(|r| &r.fit).chain(leader).map(left).fold(f64::INFINITY, f64::min);
@@ -148,7 +151,9 @@ fn run_together(
         if polished.len() < most {
             rival.fit.jacobian = None;
             let budget = if polished.is_empty() { LEADER } else { FOLLOWER };
-            own::solve(objective, rival.candidate, &mut rival.fit, budget);
+            if own::solve(objective, rival.candidate, &mut rival.fit, budget) == FitStop::Effort {
+                unfinished.push(rival.candidate);
+            }
             // With contact every rollout is slow, and this rarely changes the order.
             if !objective.description.is_chaotic || left(&rival.fit) <= best {
                 reshape(objective, &mut rival);
@@ -156,7 +161,26 @@ fn run_together(
             polished.push(rival);
         }
     }
+    finish(objective, &mut polished, &unfinished, leader);
     polished
+}
+
+/// Fits those further that are level with the best, if that leaves only noise, and whose search was not over.
+fn finish(objective: &Objective, rivals: &mut [Rival], unfinished: &[usize], leader: Option<&FitPoint>) {
+    let Some(first) = rivals.first().map(|rival| rival.candidate) else { return };
+    let left = |fit: &FitPoint| own::learnt(objective, first, fit);
+    let best = rivals.iter().map(|rival| &rival.fit).chain(leader).map(left).fold(f64::INFINITY, f64::min);
+    let alone = rivals.len() + usize::from(leader.is_some()) < 2;
+    if alone || objective.description.is_chaotic || chi(best, own::samples(objective, first)) > objective.noise_bound()
+    {
+        return;
+    }
+    for rival in rivals.iter_mut().filter(|rival| unfinished.contains(&rival.candidate)) {
+        if left(&rival.fit) <= LEVEL * best {
+            rival.fit.jacobian = None;
+            own::solve(objective, rival.candidate, &mut rival.fit, FOLLOWER);
+        }
+    }
 }
 
 /// Where much is left to explain, a candidate may have lost its shape (a Stribeck velocity of zero is Coulomb's law):

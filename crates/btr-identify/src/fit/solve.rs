@@ -187,15 +187,21 @@ impl FitPoint {
     }
 
     /// The same, by some of the active parameters alone.
-    pub(crate) fn solve_among(&mut self, objective: &Objective, is_free: &dyn Fn(usize) -> bool, budget: SearchBudget) {
+    pub(crate) fn solve_among(
+        &mut self,
+        objective: &Objective,
+        is_free: &dyn Fn(usize) -> bool,
+        budget: SearchBudget,
+    ) -> FitStop {
         let free: Vec<usize> = (0..self.active.len()).filter(|&k| is_free(self.active[k])).collect();
         self.jacobian = self.jacobian.take().map(|jacobian| jacobian.select_columns(&free));
         let active = std::mem::take(&mut self.active);
         self.active = free.iter().map(|&k| active[k]).collect();
         self.cost = cost(objective.parameters(), &self.active, &self.u, &self.residual);
-        self.solve(objective, budget);
+        let stop = self.solve(objective, budget);
         (self.active, self.jacobian, self.fresh) = (active, None, false);
         self.cost = cost(objective.parameters(), &self.active, &self.u, &self.residual);
+        stop
     }
 
     /// The last part of a search, where short differences lead no further: uses differences as wide as the remaining

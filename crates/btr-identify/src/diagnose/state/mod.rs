@@ -182,7 +182,9 @@ impl DiagnosisState {
             let candidate = self.chosen[index].candidate;
             let kept = self.has_further_instances(objective, index);
             let mut without = if kept { None } else { self.less(objective, &[index]) };
-            without.iter_mut().for_each(|fit| own::solve(objective, candidate, fit, FOLLOWER));
+            if let Some(fit) = &mut without {
+                own::solve(objective, candidate, fit, FOLLOWER);
+            }
             let left = |fit: &FitPoint| own::learnt(objective, candidate, fit);
             match without.filter(|fit| left(fit) <= (1.0 + LEARNT_FALL) * left(&self.fit)) {
                 Some(fit) => self.drop_with(objective, index, fit),
