@@ -3,11 +3,12 @@
 use super::own;
 use super::report::{CapReason, Evidence, MissingEffect, Verdict};
 use super::thresholds::{
-    AT_MOST, AT_MOST_LITTLE, AT_MOST_UNSTABLE, CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY, NEGLIGIBLE, NOISE, STABLE,
+    AT_MOST, AT_MOST_LITTLE, AT_MOST_UNCERTAIN, AT_MOST_UNSTABLE, CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY,
+    NEGLIGIBLE, NOISE, STABLE,
 };
 use crate::LadderStep;
 use crate::fit::residual_vector::{ResidualVector, chi, squares};
-use crate::fit::{FitPoint, LogSet, Objective};
+use crate::fit::{Estimate, FitPoint, LogSet, Objective};
 use crate::residual_model::CandidateKind;
 use std::ops::Range;
 
@@ -175,6 +176,16 @@ pub(super) fn weigh(last: &LadderStep, at_first: f64, bound: NoiseBound, finding
     }
 }
 
+/// Bounds the probability of a finding whose `sizes` may all be none by their intervals: of laws that together stand in
+/// for an unknown one, none is determined beside the others. Each size comes with the value at which it is none.
+pub(super) fn doubt_size(found: &mut MissingEffect, sizes: &[(f64, &Estimate)]) {
+    let may_be_none =
+        |(none, size): &(f64, &Estimate)| size.ci95.is_some_and(|[from, to]| from <= *none && *none <= to);
+    if !sizes.is_empty() && sizes.iter().all(may_be_none) {
+        found.cap(AT_MOST_UNCERTAIN, CapReason::UncertainSize);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -274,5 +285,29 @@ mod tests {
         let mut findings = [found(0.5, 5)];
         assert_eq!(verdict(7.0, 7.0, &mut findings), Verdict::Unexplained);
         assert!(findings[0].probability < 0.6 && !findings[0].evidence.established);
+    }
+
+    #[test]
+    fn what_may_be_none_by_its_interval_is_not_certain() {
+        let size = |ci95| Estimate {
+            name: "amplitude".to_owned(),
+            unit: "N·m".to_owned(),
+            value: 0.06,
+            ci95,
+            at_bound: false,
+            by_bounds: false,
+            prior_sd: None,
+        };
+        let asked = |sizes: &[(f64, &Estimate)]| {
+            let mut one = found(0.5, 5);
+            doubt_size(&mut one, sizes);
+            (one.probability, one.probability_cap.is_some())
+        };
+        let (wide, narrow, withheld) = (size(Some([0.0, 0.16])), size(Some([0.05, 0.07])), size(None));
+        assert_eq!(asked(&[(0.0, &wide)]), (AT_MOST_UNCERTAIN, true));
+        assert_eq!(asked(&[(0.0, &wide), (0.0, &narrow)]), (1.0, false));
+        assert_eq!(asked(&[(0.0, &withheld)]), (1.0, false));
+        // A value of the model that may be right.
+        assert_eq!(asked(&[(0.06, &narrow)]), (AT_MOST_UNCERTAIN, true));
     }
 }

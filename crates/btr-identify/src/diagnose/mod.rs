@@ -236,6 +236,11 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
         let parameters: Vec<usize> = objective.candidates()[found.candidate].parameters().collect();
         found.parameters =
             all.iter().filter(|(parameter, _)| parameters.contains(parameter)).map(|(_, e)| e.clone()).collect();
+        let is_size = |parameter: &usize| objective.candidates()[found.candidate].amplitudes.contains(parameter);
+        let none = |parameter: usize| objective.parameters()[parameter].value(0.0);
+        let sizes: Vec<(f64, &Estimate)> =
+            all.iter().filter(|(parameter, _)| is_size(parameter)).map(|(k, estimate)| (none(*k), estimate)).collect();
+        evidence::doubt_size(found, &sizes);
     }
     let found = (!state.chosen.is_empty()).then_some(&state.fit);
     let law = (leaves && !stopped && objective.rollouts() < question.max_rollouts)

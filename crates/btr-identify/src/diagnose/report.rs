@@ -115,6 +115,8 @@ pub struct Evidence {
 pub enum CapReason {
     /// The finding's size changes much if one of the training logs is left out.
     UnstableSize,
+    /// Its size may be none by its own interval.
+    UncertainSize,
     /// It explains next to nothing, on training and held-out logs: two simulators differ by as much.
     LittleExplained,
     /// A free parameter ended at its bound, which is no limit of physics.

@@ -35,6 +35,8 @@ pub const STABLE: f64 = 0.5;
 /// Largest probability of a finding whose size changes by more: two that are small at once look like a third one that
 /// differs from log to log.
 pub const AT_MOST_UNSTABLE: f64 = 0.9;
+/// Largest probability of a finding whose size may be none by its interval.
+pub const AT_MOST_UNCERTAIN: f64 = 0.9;
 /// Largest probability of a finding while a free parameter is at its bound: what two stand-ins for an unknown effect do
 /// not explain, the free parameters make up for as far as they may.
 pub const AT_MOST_AT_BOUNDS: f64 = 0.9;

@@ -13,7 +13,11 @@ class ProbabilityCap(Record):
 
     at_most: float
     """That probability."""
-    reasons: list[Literal["unstable_size", "little_explained", "parameter_at_bound", "error_left", "left_over"]]
+    reasons: list[
+        Literal[
+            "unstable_size", "uncertain_size", "little_explained", "parameter_at_bound", "error_left", "left_over"
+        ]
+    ]
     """Why it is not 1: the size changes by more than half without `leave_one_out_log`; it explains less than a
     hundredth of the error and less than the noise; a free parameter ended at its bound; the findings leave an error;
     or a further candidate would still explain something for certain (`left_over`)."""
