@@ -2,6 +2,7 @@
 
 use crate::args::Global;
 use btr_core::coevolve::{Coevolution, Generation, Iteration, Method, Plan, Side};
+use btr_lab::run::conclusions::tests;
 use btr_physics::model::Model;
 use btr_report::table::{maybe, number};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -13,11 +14,6 @@ use std::time::{Duration, Instant};
 
 /// Redraw period of the status line.
 const TICK: Duration = Duration::from_millis(200);
-
-/// A number of real tests in words.
-pub(crate) fn tests(count: usize) -> String {
-    if count == 1 { "1 real test".to_owned() } else { format!("{count} real tests") }
-}
 
 /// The live display of a run.
 pub(crate) struct Progress {

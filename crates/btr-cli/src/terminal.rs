@@ -86,6 +86,11 @@ pub(crate) fn complain(tone: Tone, word: &str, message: &str) {
     anstream::eprintln!("{style}{word}:{style:#} {}", printable(message));
 }
 
+/// Prints lines as they are.
+pub(crate) fn lines(lines: &[String]) {
+    lines.iter().for_each(|line| show(Tone::Plain, line));
+}
+
 /// Prints a table.
 pub(crate) fn table(table: &Table) {
     show(Tone::Plain, &table.render_within(columns()));

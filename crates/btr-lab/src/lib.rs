@@ -1,6 +1,7 @@
 //! Experiment files, realities, identification problems, distributed work, runs in their folders, and the verbs that
 //! the command line and Python call.
 
+pub mod digits;
 pub mod distributed;
 pub mod execution;
 pub mod experiment;

@@ -1,6 +1,6 @@
 //! Tables and words of a run of the loop, for the terminal and for its page.
 
-use crate::table::{Table, maybe, number};
+use crate::table::{Table, maybe, number, span};
 use btr_core::coevolve::{Entry, StopReason, TestVerdict};
 use btr_lab::run::report::{RunReport, TwinComparison};
 
@@ -15,11 +15,6 @@ pub fn reason(report: &RunReport) -> &'static str {
         Some(StopReason::Disengaged) => "disengaged",
         Some(StopReason::NoRealData) => "no real test gave data",
     }
-}
-
-/// An interval, or a dash where there is none.
-pub fn span(interval: Option<[f64; 2]>) -> String {
-    interval.map_or_else(|| "-".to_owned(), |[low, high]| format!("{} .. {}", number(low), number(high)))
 }
 
 /// A row for each iteration.

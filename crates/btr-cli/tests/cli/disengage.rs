@@ -38,6 +38,9 @@ fn the_cause_is_named_and_the_command_that_is_told_goes_on_with_the_same_real_te
     let diagnosis = &before["diagnosis"];
     assert_eq!((&diagnosis["verdict"], &diagnosis["effects"][0]["site"]), (&"effect_missing".into(), &"hinge".into()));
     assert!(!diagnosis["held_out"].as_array().unwrap().is_empty());
+    let conclusions: Vec<&str> = before["conclusions"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+    let lines: Vec<&str> = told.lines().map(str::trim).collect();
+    assert!(conclusions.len() > 8 && conclusions.iter().all(|said| lines.contains(said)), "{conclusions:#?} {told}");
     let tested = real_tests(&lab, "run");
 
     let next = told.lines().find_map(|line| line.trim().strip_prefix("next: ")).unwrap();

@@ -1,6 +1,7 @@
 //! Runs the loop from its beginning or from its last checkpoint and writes the result files; an observer decides what
 //! is shown.
 
+use super::conclusions::conclusions;
 use super::doubts::ReportedDoubts;
 use super::folder::Run;
 use super::identify;
@@ -59,12 +60,18 @@ impl FinishedRun {
     /// # Errors
     /// A report that cannot be serialised, which does not happen.
     pub fn document(&self) -> Result<serde_json::Value, Failure> {
-        let mut document =
-            serde_json::to_value(&self.report).map_err(|e| Failure::new("output", e.to_string(), None))?;
+        let mut document = document(&self.report)?;
         document["files"] = self.files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().into();
         document["waiting_for"] = self.waiting.as_ref().map(Text::to_string).into();
         Ok(document)
     }
+}
+
+/// A report with its conclusions in words.
+fn document(report: &RunReport) -> Result<serde_json::Value, Failure> {
+    let mut document = serde_json::to_value(report).map_err(|e| Failure::new("output", e.to_string(), None))?;
+    document["conclusions"] = conclusions(report).into();
+    Ok(document)
 }
 
 /// How a run left the loop.
@@ -219,7 +226,7 @@ pub fn adapted(experiment: &Experiment, run: &Run) -> Result<String, Failure> {
 }
 
 fn write_files(experiment: &Experiment, run: &Run, report: &RunReport) -> Result<Vec<PathBuf>, Failure> {
-    let text = serde_json::to_string_pretty(report).map_err(|e| Failure::new("output", e.to_string(), None))?;
+    let text = format!("{:#}", document(report)?);
     let mut files = vec![run.write("history.json", text.as_bytes())?];
     files.push(run.write("adapted.toml", adapted(experiment, run)?.as_bytes())?);
     Ok(files)

@@ -4,6 +4,7 @@
 
 pub mod augment;
 mod checkpoint;
+pub mod conclusions;
 pub mod doubts;
 pub mod execute;
 mod files;

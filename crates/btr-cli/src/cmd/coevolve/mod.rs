@@ -2,7 +2,6 @@
 
 mod disengagement;
 mod dry_run;
-mod format;
 mod posterior;
 mod summary;
 mod truth;

@@ -1,12 +1,13 @@
 //! The result of a run on the terminal.
 
 use super::disengagement::show_disengagement;
-use super::posterior::{show_drift, show_gap, show_map, show_posterior};
+use super::posterior::{show_map, show_posterior};
 use super::truth::{show_by_distance, show_logs, show_revealed};
 use crate::terminal;
+use crate::terminal::lines;
+use btr_lab::run::conclusions::{at_bound, best, doubts, drift, gap, growth};
 use btr_lab::run::report::RunReport;
 use btr_report::run_tables::{iterations, reason};
-use btr_report::table::number;
 
 pub(super) fn show(report: &RunReport) {
     terminal::table(&iterations(report));
@@ -17,27 +18,19 @@ pub(super) fn show(report: &RunReport) {
         report.simulated_evaluations,
         report.failed_evaluations
     );
-    for doubt in &report.doubts {
-        println!("bad: {}", doubt.sentence());
+    lines(&doubts(report));
+    lines(&growth(report));
+    lines(&drift(report));
+    match report.disengaged {
+        true => show_disengagement(report),
+        false => lines(&at_bound(report)),
     }
-    let at_bound = report.iterations.last().map_or(&[][..], |last| &last.evidence.at_bound);
-    for grown in &report.augmentations {
-        println!("S has grown after iteration {}: {}", grown.after_iteration, grown.parameters.join(", "));
-    }
-    show_drift(report);
-    if report.disengaged {
-        show_disengagement(report);
-    } else if !at_bound.is_empty() {
-        println!("at a bound of S (the true value may lie beyond it): {}", at_bound.join(", "));
-    }
-    if let Some(best) = report.recommended.as_ref().filter(|_| !report.fitness.is_empty()) {
-        println!("best in reality: fitness {}, in transfers/{:04}", number(best.fitness_real), best.test);
-    }
+    lines(&best(report));
     show_map(report);
-    show_gap(report);
+    lines(&gap(report));
     show_posterior(report);
-    if let Some(revealed) = report.revealed.as_ref().filter(|_| report.iterations.iter().any(|it| it.phi.is_some())) {
-        show_revealed(report, revealed);
+    if report.revealed.is_some() && report.iterations.iter().any(|it| it.phi.is_some()) {
+        show_revealed(report);
     }
     show_logs(report);
     show_by_distance(report);

@@ -1,20 +1,17 @@
 //! Comparisons with known truth: a hidden twin, recorded logs, and the estimates of each distance.
 
 use crate::terminal;
-use btr_lab::run::report;
-use btr_lab::run::report::{ByDistance, RunReport, TwinComparison};
+use crate::terminal::lines;
+use btr_lab::run::conclusions::{hidden, misled, recorded};
+use btr_lab::run::report::{ByDistance, RunReport};
 use btr_report::run_tables::parameters;
 use btr_report::table::{Table, maybe, number};
 
-pub(super) fn show_revealed(report: &RunReport, revealed: &TwinComparison) {
+pub(super) fn show_revealed(report: &RunReport) {
     let Some(table) = parameters(report) else { return };
     println!("\nthe hidden twin");
     terminal::table(&table);
-    if !revealed.truth.effects.is_empty() {
-        println!("hidden effects: {}", revealed.truth.effects.join(", "));
-    }
-    let state: Vec<String> = revealed.state_match.iter().map(|(unit, x)| format!("{} {unit}", number(*x))).collect();
-    println!("state match (rms of simulated − real, best controller): {}", state.join(", "));
+    lines(&hidden(report));
 }
 
 pub(super) fn show_logs(report: &RunReport) {
@@ -35,18 +32,7 @@ pub(super) fn show_logs(report: &RunReport) {
     }
     println!("\nrecorded logs");
     terminal::table(&table);
-    for (held_out, title) in [(false, "learnt"), (true, "held out")] {
-        let scores: Vec<_> =
-            report.logs.iter().filter(|s| s.held_out == held_out && s.after.mean_abs.is_finite()).collect();
-        let mean = |of: &dyn Fn(&&report::LogScore) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
-        if !scores.is_empty() {
-            let (before, after) = (mean(&|s| s.before.mean_abs), mean(&|s| s.after.mean_abs));
-            println!("{title}: mean |error| {} before, {} after", number(before), number(after));
-            if after > before {
-                println!("  the adapted model is worse than the initial one: do not use it");
-            }
-        }
-    }
+    lines(&recorded(report));
 }
 
 pub(super) fn show_by_distance(report: &RunReport) {
@@ -78,11 +64,5 @@ pub(super) fn show_by_distance(report: &RunReport) {
         table.row(std::iter::once(name.clone()).chain(report.by_distance.iter().map(cell)).collect());
     }
     terminal::table(&table);
-    let fooled = |by: &&ByDistance| by.phi_of_truth.is_some_and(|truth| truth > by.telling);
-    for by in report.by_distance.iter().filter(fooled) {
-        println!(
-            "{} prefers its own estimate to the truth: do not rely on its estimate from this recording",
-            by.distance
-        );
-    }
+    lines(&misled(report));
 }

@@ -72,6 +72,8 @@ class CoevolveResult(Result):
     """The ledger of real tests."""
     doubts: list[doc.TestDoubt]
     """Findings about the logs of real tests that make the result doubtful."""
+    conclusions: list[str]
+    """What the run comes to, in the sentences of the command line."""
     generations: list[doc.Generation]
     """Every generation of both populations."""
     files: list[str]
