@@ -19,6 +19,9 @@ use btr_report::text::{CHANNEL_COLUMNS, CHANNEL_HEADER, FURTHER_LEGEND, LEGEND, 
 const SENTENCES: usize = 5;
 /// Number of regimes of each joint; `-v` and `--json` show all.
 const OF_EACH_JOINT: usize = 2;
+/// What is said of the file with both robots.
+const OVERLAY: &str = "the measured and the simulated robot, for viewers
+  Rerun opens it as it is; Foxglove has a layout for it, examples/overlay.foxglove-layout.json (docs/howto/compare.md)";
 
 pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
     if let Some(gate) = args.max_chi.filter(|gate| !(*gate > 0.0 && gate.is_finite())) {
@@ -54,7 +57,7 @@ pub(crate) fn run(args: &CompareArgs, global: &Global) -> Result<u8, Failure> {
         show(&outcome, global.verbose);
     }
     announce(args.report.as_deref(), "the report", global);
-    announce(args.output.as_deref(), "the measured and the simulated robot", global);
+    announce(args.output.as_deref(), OVERLAY, global);
     let worst = outcome.comparison.worst().map_or(0.0, |channel| channel.chi);
     let missed = args.max_chi.is_some_and(|gate| worst > gate);
     Ok(if missed { MISSED } else { DONE })

@@ -60,6 +60,8 @@ fn both_robots_are_written_for_viewers_and_no_recording_is_overwritten() {
     lab.ok("convert log.csv log.mcap");
     lab.ok("compare swing.toml log.csv -o overlay.mcap -q");
     assert!(is_overlay(&lab.path("overlay.mcap")) && !is_overlay(&lab.path("log.mcap")));
+    let said = lab.ok("compare swing.toml log.csv -o overlay.mcap");
+    insta::assert_snapshot!("overlay_opened", said.split_once("\noverlay.mcap").map_or("", |(_, told)| told));
     // An earlier one may be replaced; a recording may not, nor what is no MCAP file by its name.
     lab.ok("compare swing.toml log.csv log.csv -o overlay.mcap -q");
     let before = std::fs::read(lab.path("log.mcap")).unwrap();
