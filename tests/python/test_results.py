@@ -98,6 +98,24 @@ def test_a_report_does_not_overwrite_other_files(answers: dict, tmp_path: Path) 
     assert log.read_text() == "t,q_yaw\n0,1\n" and list(tmp_path.iterdir()) == [log]
 
 
+def test_the_overlay_is_that_of_the_command_line(arm: btr.Model, answers: dict, tmp_path: Path) -> None:
+    compared, path = answers["compare"], tmp_path / "python.mcap"
+    compared.overlay(path)
+    command = [sys.executable, "-m", "btr", "compare", ARM, *LEARN, "-o", tmp_path / "command.mcap", "-q"]
+    subprocess.run(list(map(str, command)), check=True, stdout=subprocess.DEVNULL)
+    assert path.read_bytes() == (tmp_path / "command.mcap").read_bytes()
+    compared.overlay(path)  # An earlier one may be replaced.
+    arm.simulate().write(tmp_path / "log.mcap")
+    recording = (tmp_path / "log.mcap").read_bytes()
+    with pytest.raises(btr.BtrError, match=r"may be a recording, which would be lost\nhelp: "):
+        compared.overlay(tmp_path / "log.mcap")
+    with pytest.raises(btr.BtrError, match=r"must end in \.mcap"):
+        compared.overlay(tmp_path / "overlay.csv")
+    assert (tmp_path / "log.mcap").read_bytes() == recording
+    with pytest.raises(btr.BtrError, match="from a pickle has no logs to write\nhelp: compare again"):
+        pickle.loads(pickle.dumps(compared)).overlay(path)
+
+
 @pytest.mark.parametrize("verb", TOLD)
 def test_a_notebook_shows_the_whole_report(verb: str, answers: dict, tmp_path: Path) -> None:
     answers[verb].report(tmp_path / "report.html")

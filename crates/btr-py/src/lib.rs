@@ -9,6 +9,7 @@ mod error;
 mod laws;
 mod log;
 mod model;
+mod overlay;
 mod page;
 mod search;
 mod settings;
@@ -25,6 +26,7 @@ fn _btr(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("TestFailed", module.py().get_type::<error::TestFailed>())?;
     module.add_class::<log::Log>()?;
     module.add_class::<model::Model>()?;
+    module.add_class::<overlay::Overlay>()?;
     module.add_class::<page::Page>()?;
     module.add_class::<search::Search>()?;
     module.add_function(wrap_pyfunction!(model::new_model, module)?)?;

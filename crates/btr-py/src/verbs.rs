@@ -3,6 +3,7 @@
 use crate::error::{Raise, raised};
 use crate::log::{Log, LogArgument};
 use crate::model::Model;
+use crate::overlay::Overlay;
 use crate::page::Page;
 use crate::work::{ExecutorChoice, at_once, working};
 use btr_identify::LadderStep;
@@ -41,15 +42,22 @@ pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<LogArgument>, stric
     })
 }
 
-/// The model's errors by channel and regime: the result and its page.
+/// The model's errors by channel and regime: the result, its page, and both robots for viewers.
 #[pyfunction]
-pub(crate) fn compare(py: Python<'_>, model: &Model, logs: Vec<LogArgument>, strict: bool) -> PyResult<(String, Page)> {
+pub(crate) fn compare(
+    py: Python<'_>,
+    model: &Model,
+    logs: Vec<LogArgument>,
+    strict: bool,
+) -> PyResult<(String, Page, Overlay)> {
     let logs = sources(logs);
     at_once(py, &model.source, || {
         let replays = replays(&model.source, [&logs, &[]], strict)?;
         let outcome = verbs::compare(&model.source, replays, &|_, _| {})
             .map_err(|error| Failure::input(error, &[]).of_simulated(&model.source.path).raise())?;
-        Ok((outcome.document().to_string(), Page::new(&model.source, move || html::compare(&outcome))))
+        let (document, outcome) = (outcome.document().to_string(), Arc::new(outcome));
+        let overlay = Overlay::new(&model.source, outcome.clone());
+        Ok((document, Page::new(&model.source, move || html::compare(&outcome)), overlay))
     })
 }
 

@@ -13,6 +13,7 @@ __all__ = [
     "BtrError",
     "Log",
     "Model",
+    "Overlay",
     "Page",
     "Payload",
     "Search",
@@ -145,6 +146,10 @@ class _Executor(Protocol):
 class Page:
     def html(self) -> str: ...
 
+@final
+class Overlay:
+    def write(self, path: str | PathLike[str]) -> None: ...
+
 def log_of_columns(
     clock_s: ArrayLike, channels: dict[str, ArrayLike], name: str | PathLike[str] | None, model: Model | None
 ) -> Log: ...
@@ -167,7 +172,7 @@ _Robot = Callable[[int, int, int, list[str], list[float], Log, _Start, list[floa
 _Tell = Callable[[str, float, float | None], None]
 
 def check(model: Model, logs: Sequence[_Given], strict: bool) -> str: ...
-def compare(model: Model, logs: Sequence[_Given], strict: bool) -> tuple[str, Page]: ...
+def compare(model: Model, logs: Sequence[_Given], strict: bool) -> tuple[str, Page, Overlay]: ...
 def diagnose(
     model: Model,
     logs: Sequence[_Given],

@@ -67,8 +67,8 @@ def compare(
     logs that cannot be read or have no channel in common with the model; among others they are left out, unless
     `strict` (see `check`)."""
     model = loaded(model)
-    document, page = _btr.compare(model._model, Logs(model._model).all(logs), strict)
-    return CompareResult(_warned(json.loads(document)), page)
+    document, page, overlay = _btr.compare(model._model, Logs(model._model).all(logs), strict)
+    return CompareResult(_warned(json.loads(document)), page, overlay)
 
 
 def diagnose(

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from btr import _tables, plots
 from btr import documents as doc
+from btr._btr import Overlay, Page
+from btr._inputs import wrong
 from btr._tables import Rows, cell
 from btr.results._base import Reported, Result
 
@@ -106,6 +110,22 @@ class CompareResult(Reported):
     """Oddities of logs that can be used all the same."""
     left_out: list[doc.LeftOutLog]
     """Logs that could not be used."""
+
+    def __init__(self, document: dict[str, Any], page: Page, overlay: Overlay) -> None:
+        super().__init__(document, page)
+        self._overlay: Overlay | None = overlay
+
+    def overlay(self, path: str | os.PathLike[str]) -> None:
+        """Writes the measured robot and the model's into one MCAP file, as `btr compare -o` does, for viewers: Rerun
+        opens it as it is, Foxglove with the layout `examples/overlay.foxglove-layout.json`. Raises `BtrError` if the
+        name does not end in `.mcap`, if another file would be lost, if the file cannot be written, and for a result
+        that comes from a pickle: pickles keep the report, not the logs."""
+        if self._overlay is None:
+            raise wrong("a result from a pickle has no logs to write", "compare again")
+        self._overlay.write(Path(path))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), "_overlay": None}
 
     def _headline(self) -> str:
         left_out = [f"left out: {log.reason}" for log in self.left_out]
