@@ -9,7 +9,9 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 pytest.importorskip("viser", reason="the studio needs viser")
@@ -17,6 +19,10 @@ playwright = pytest.importorskip("playwright.sync_api", reason="the page is used
 
 import btr
 from browser import found
+from btr._studio.plots import line, options
+from btr._studio.run import panels
+from btr._studio.run.folder import Snapshot
+from btr._studio.run.page import PANEL_PX
 from btr._studio.server import serve
 
 if found() is None:
@@ -47,11 +53,12 @@ def address(tmp_path: Path) -> Iterator[str]:
 
 
 @contextlib.contextmanager
-def opened(address: str) -> Iterator["playwright.Page"]:
-    """A browser at the page, which must not fail, say anything or ask any other place."""
+def opened(address: str, width: int = 1050, script: str = "") -> Iterator["playwright.Page"]:
+    """A browser at the page, which must not fail, say anything or ask any other place; `script` runs in it first."""
     with playwright.sync_playwright() as started:
         browser = started.chromium.launch(executable_path=found(), args=FLAGS + QUIET)
-        page = browser.new_page(viewport={"width": 1050, "height": 700})
+        page = browser.new_page(viewport={"width": width, "height": 700})
+        page.add_init_script(script)
         page.set_default_timeout(PATIENCE_MS)
         page.failures = []
         page.on("pageerror", lambda error: page.failures.append(str(error)))
@@ -158,6 +165,39 @@ def test_the_page_says_that_the_server_has_ended() -> None:
         page.get_by_text("btr studio has ended").wait_for(timeout=20_000)
 
 
+LEFTMOST = """
+    const draw = CanvasRenderingContext2D.prototype.fillText;
+    window.leftmost = {x: 1e9};
+    CanvasRenderingContext2D.prototype.fillText = function (text, x, ...rest) {
+        const width = {right: 1, center: 0.5}[this.textAlign] ?? 0;
+        const begin = x - width * this.measureText(text).width;
+        if (begin < window.leftmost.x) window.leftmost = {x: begin, text};
+        return draw.call(this, text, x, ...rest);
+    };
+"""
+"""Keeps the text of a canvas that begins furthest to the left."""
+
+
+def test_nothing_is_cut_in_a_narrow_window() -> None:
+    server, address = serve("127.0.0.1", 0)
+    server.gui.main_panel.set_width(PANEL_PX)
+    small = -0.0001234
+    closed = SimpleNamespace(i=10, fitness_sim=small, fitness_real=small, phi_predicted=-small, phi=-small)
+    run = Snapshot("", None, None, 1, "", None, None, [], [], [], [closed] * 3, [], 0)
+    with server.gui.add_folder("Iterations"):
+        server.gui.add_html(panels.iterations(run))
+    data = np.array([0.0, 1.0]), np.array([-12_000.0, -11_000.0])
+    server.gui.add_uplot(data, ({"label": "x"}, line("y", "#000000")), **options(150))
+    with opened(address, width=700, script=LEFTMOST) as page:
+        page.locator("canvas").first.wait_for()
+        told = page.get_by_text("phi predicted", exact=True).locator("xpath=ancestor::table/..")
+        assert told.evaluate("box => box.scrollWidth <= box.clientWidth")
+        page.wait_for_timeout(1000)
+        leftmost = page.evaluate("window.leftmost")
+        assert leftmost["text"].startswith("-1") and len(leftmost["text"]) == 7 and leftmost["x"] >= 0
+    server.stop()
+
+
 @contextlib.contextmanager
 def run_shown(folder: Path) -> Iterator[tuple[subprocess.Popen, str]]:
     """A small run that `btr coevolve` computes and shows, and the address of its page."""
@@ -182,7 +222,11 @@ def test_a_run_and_its_page(tmp_path: Path) -> None:
         with opened(address) as page:
             page.get_by_text("stopped: iterations done").wait_for()
             page.get_by_text("truth, revealed").wait_for()
-            page.get_by_text("hidden effects: coulomb_friction@hinge").wait_for()
+            page.get_by_text("hidden effects: coulomb_friction@hinge").first.wait_for()
+            page.get_by_text("Conclusions", exact=True).wait_for()
+            page.get_by_text(re.compile("^best in reality: fitness .* in transfers/000")).wait_for()
+            page.get_by_text("phi is the distance between what the robot did").wait_for()
+            page.get_by_text(re.compile("^Controller of test 000. \\(iteration")).wait_for()
             shown = page.get_by_role("combobox", name="Shown")
             playwright.expect(shown).to_have_value("all side by side")
             page.get_by_role("button", name="Play", exact=True).click()
@@ -190,7 +234,8 @@ def test_a_run_and_its_page(tmp_path: Path) -> None:
             playwright.expect(time).not_to_have_value("0", timeout=PATIENCE_MS)
             page.get_by_role("button", name="Pause", exact=True).click()
             shown.click()
-            page.get_by_role("option", name="test 0 (iteration 1)").click()
+            page.get_by_role("option", name="test 0000 (iteration 1)").click()
+            page.get_by_text("Controller of test 0000 (iteration 1)").wait_for()
             page.get_by_text("simulated after", exact=True).wait_for()
             channel = page.get_by_role("combobox", name="Channel")
             playwright.expect(channel).to_have_value("q_hinge")

@@ -1,6 +1,8 @@
 """The studio of a run without its page: what the folder says as the run grows, and real tests beside simulations."""
 
+import json
 import math
+import re
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
@@ -31,13 +33,14 @@ class Watched:
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.session, self.seen = folder, None, []
-        btr.coevolve(btr.load_model(ROBOTS / "disengage.toml", SMALL), out=folder, tell=self.look)
+        self.result = btr.coevolve(btr.load_model(ROBOTS / "disengage.toml", SMALL), out=folder, tell=self.look)
 
     def look(self, closed: btr.documents.Iteration) -> None:
         is_new = self.session is None or self.session.refresh()
         self.session = self.session or RunSession(self.folder)
         now = self.session.now
-        self.seen.append((is_new, closed.i, len(now.iterations), len(now.tests), self.session.truth, now.stop_reason))
+        ending = self.session.truth or self.session.conclusions or None
+        self.seen.append((is_new, closed.i, len(now.iterations), len(now.tests), ending, now.stop_reason))
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +62,41 @@ def test_a_run_is_seen_as_it_grows(watched: Watched) -> None:
     assert [len(session.now.controllers), len(session.now.simulators)] == [6, 3 * (3 + 5)]
     assert all(generation.best <= generation.mean for generation in session.now.simulators)
     assert session.truth.parameters["mass@bob"] == 1.2 and session.truth.effects == ("coulomb_friction@hinge",)
+
+
+def test_conclusions_are_those_of_the_run(watched: Watched, folder: Path) -> None:
+    session = RunSession(watched.folder)
+    assert session.conclusions == watched.result.conclusions and len(session.conclusions) > 5
+    assert any(said.startswith("best in reality: fitness") for said in session.conclusions)
+    history = json.loads((folder / "history.json").read_text())
+    for stale in ({"stop_reason": "disengaged"}, {"real_tests": 5}):
+        (folder / "history.json").write_text(json.dumps({**history, **stale}))
+        gone_on = RunSession(folder)
+        assert gone_on.conclusions == [] and gone_on.truth == session.truth
+
+
+def test_the_parameters_of_a_tried_controller_are_shown(watched: Watched) -> None:
+    session = RunSession(watched.folder)
+    controller = session.now.done[1].trial.controller
+    shown = re.sub("<[^>]+>", " ", panels.controller("test 0001", session.model.controllers, controller))
+    amplitude, phase = (f"{value:.4g} rad" for value in controller)
+    told = ["parameter", "value", "range", "amplitude@hinge", *amplitude.split(), "0", "..", "0.6"]
+    told += ["phase@hinge", *phase.split(), "-3.142", "..", "3.142"]
+    assert shown.split() == ["Controller", "of", "test", "0001", *told]
+    assert panels.controller("test 0000", [], []) == "", "of a fixed drive"
+
+
+def test_phi_is_explained(watched: Watched) -> None:
+    told = panels.phi(RunSession(watched.folder).now.distance)
+    assert "phi is the distance between what the robot did and what the simulation does" in told
+    assert "by rmse (root mean square error, channels scaled" in told and "Less is better" in told
+    assert "same controllers, as the mean" in panels.phi(None)
+
+
+def test_tests_are_called_as_their_folders_are(watched: Watched) -> None:
+    tests = RunSession(watched.folder).now.tests
+    names = re.findall(r"test \d+", panels.tests(tests))
+    assert names == [f"test {path.name}" for path in sorted((watched.folder / "transfers").iterdir())]
 
 
 def test_parameters_are_beside_their_bounds_and_the_truth(watched: Watched) -> None:
@@ -206,11 +244,13 @@ def test_names_are_escaped() -> None:
             "verdict": {"failed": {"why": HOSTILE}},
         }
     )
-    run = Snapshot("", None, 1, HOSTILE, None, HOSTILE, [], [], [], [], [failed], 0)
+    run = Snapshot("", None, None, 1, HOSTILE, None, HOSTILE, [], [], [], [], [failed], 0)
     texts = [
         panels.head(HOSTILE, run, 3.0, HOSTILE),
         panels.parameters([course], Truth({}, (HOSTILE,))),
         panels.tests([failed]),
+        panels.conclusions([HOSTILE]),
+        panels.controller(HOSTILE, [course.dim], [1.0]),
     ]
     for text in texts:
         assert "&lt;img" in text and "<img" not in text

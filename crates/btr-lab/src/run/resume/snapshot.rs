@@ -7,6 +7,7 @@ use crate::run::files::{EXPERIMENT, checkpoint_path};
 use crate::run::folder::Enlargement;
 use crate::run::run_error::RunError;
 use btr_core::coevolve::{Augmentation, Drift, Entry, Generation, Iteration, RunState, Side, StopReason};
+use btr_core::distance::DISTANCES;
 use serde::Serialize;
 use std::path::Path;
 
@@ -17,6 +18,8 @@ pub struct Snapshot {
     pub text: String,
     /// The iterations that its plan has.
     pub planned: Option<usize>,
+    /// The distance that phi is the mean of: its name, and what it compares.
+    pub distance: Option<(&'static str, &'static str)>,
     /// The iteration being worked on, from 1.
     pub iteration: usize,
     /// What it does next, in words.
@@ -81,9 +84,11 @@ impl Snapshot {
         // A stamp's first line is the seed.
         let began = stamp.split_once('\n').map_or("", |(_, text)| text);
         let text = larger.text.clone().unwrap_or_else(|| began.to_owned());
+        let plan = Source::new(EXPERIMENT, &*text).parse().ok().and_then(|file| file.coevolve);
         let history = state.history();
         Snapshot {
-            planned: Source::new(EXPERIMENT, &*text).parse().ok().and_then(|file| Some(file.coevolve?.iterations)),
+            planned: plan.as_ref().map(|plan| plan.iterations),
+            distance: plan.as_ref().and_then(|plan| described(plan.distance.name())),
             text,
             iteration: state.iteration(),
             activity: state.activity(),
@@ -98,6 +103,11 @@ impl Snapshot {
             simulated_evaluations: state.cost().evaluations,
         }
     }
+}
+
+/// A distance, and what it compares.
+fn described(name: &str) -> Option<(&'static str, &'static str)> {
+    DISTANCES.iter().find(|(known, _)| *known == name).copied()
 }
 
 impl GenerationScores {

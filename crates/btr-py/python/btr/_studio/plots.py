@@ -143,7 +143,7 @@ def options(height: int) -> dict[str, Any]:
     return {
         "height": height,
         "scales": {"x": {"time": False}, "y": {}, "cursor": {"auto": False, "range": (0.0, 1.0)}},
-        "axes": ({"size": 26, "ticks": {"size": 4}}, {"size": 44, "space": 18, "ticks": {"size": 4}}),
+        "axes": ({"size": 26, "ticks": {"size": 4}}, {"size": 60, "space": 18, "ticks": {"size": 4}}),
         "legend": {"show": False},
         "padding": (6, 10, 0, 0),
     }

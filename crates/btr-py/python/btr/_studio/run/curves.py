@@ -8,9 +8,10 @@ from typing import Any, Union
 import numpy as np
 import viser
 
-from btr._studio import panels
+from btr._studio.panels import lines as legend
 from btr._studio.plots import cursor, line, options, with_cursor
 from btr._studio.replay import Replay, Series
+from btr._studio.run import panels
 from btr._studio.run.folder import Scores, Snapshot
 from btr._studio.run.session import Tested
 
@@ -25,6 +26,7 @@ INK = {
 }
 MOST_SAMPLES = 2000
 _HEIGHT = 140
+_COUNTS = tuple(digit * 10**power for power in range(6) for digit in (1, 2, 5))
 
 
 class Curves:
@@ -36,6 +38,7 @@ class Curves:
         self._fitness = _Curve(gui, {"fitness: best of a generation": "best", "mean": "mean"}, {})
         self._tests = _Curve(gui, {"fitness of real tests: promised": "promised", "real": "real"}, {}, points=True)
         self._phi = _Curve(gui, {"phi: best of a generation": "best", "mean": "mean"}, log)
+        self._told = gui.add_html("")
 
     def load(self, run: Snapshot) -> None:
         """Shows a run."""
@@ -44,6 +47,7 @@ class Curves:
         self._tests.load([_numbers([test.promised for test in run.done]), _numbers(real)], first=0)
         phi = [_scores(run.simulators, key) for key in ("best", "mean")]
         self._phi.load([np.where(values > 0, values, np.nan) for values in phi], first=1)
+        self._told.content = panels.phi(run.distance) if run.simulators else ""
 
 
 class _Curve:
@@ -53,12 +57,16 @@ class _Curve:
         self, gui: viser.GuiApi, names: dict[str, str], scales: dict[str, Any], *, points: bool = False
     ) -> None:
         """`names` are the lines with their inks; `scales` is what is special about uPlot's."""
-        self._told = gui.add_html(panels.lines({name: INK[ink] for name, ink in names.items()}), visible=False)
+        self._told = gui.add_html(legend({name: INK[ink] for name, ink in names.items()}), visible=False)
         style: dict[str, Any] = {"points": {"show": True, "size": 7}} if points else {}
         # The first line is wider: it shows where both agree.
         widths = (4.0, 1.5) if points else (1.5, 1.5)
         series = [line(name, INK[ink], **style, width=width) for (name, ink), width in zip(names.items(), widths)]
-        drawn = {**options(_HEIGHT), "scales": {"x": {"time": False}, "y": {}, **scales}}
+        of_all = options(_HEIGHT)
+        across, up = of_all["axes"]
+        # Generations and tests are counted.
+        axes = ({**across, "incrs": _COUNTS}, up)
+        drawn = {**of_all, "scales": {"x": {"time": False}, "y": {}, **scales}, "axes": axes}
         empty = (np.array([0.0, 1.0]), *(np.full(2, np.nan),) * len(series))
         self._plot = gui.add_uplot(empty, _all(series), **drawn, visible=False)
 
@@ -82,7 +90,7 @@ class TestPlot:
         self._clock: Series = np.array([0.0, 1.0])
         self._lines: list[Series] = [np.full(2, np.nan)] * 3
         names = {"measured": "measured", "simulated before": "before", "simulated after": "after"}
-        self._told = gui.add_html(panels.lines({name: INK[key] for name, key in names.items()}))
+        self._told = gui.add_html(legend({name: INK[key] for name, key in names.items()}))
         styles = {"measured": {"width": 3.5}}
         series = [line(name, INK[name], **styles.get(name, {})) for name in ("measured", "before", "after")]
         self._plot = gui.add_uplot(

@@ -36,6 +36,29 @@ class Truth:
 
 
 @dataclass(frozen=True)
+class Ending:
+    """What a run writes at its end."""
+
+    truth: Union[Truth, None]
+    """The hidden twin; None for any other reality."""
+    conclusions: list[str]
+    """What the run comes to, as the terminal says it."""
+
+
+NO_ENDING = Ending(None, [])
+
+
+@dataclass(frozen=True)
+class Distance:
+    """The distance that phi is the mean of."""
+
+    name: str
+    """Its name in experiments."""
+    compares: str
+    """What it compares."""
+
+
+@dataclass(frozen=True)
 class Snapshot:
     """A run as its last checkpoint has it."""
 
@@ -43,6 +66,8 @@ class Snapshot:
     """The text of its experiment, in its present S."""
     planned: Union[int, None]
     """The iterations that its plan has."""
+    distance: Union[Distance, None]
+    """The distance of its plan."""
     iteration: int
     """The iteration being worked on, from 1."""
     activity: str
@@ -86,6 +111,7 @@ def snapshot(folder: Path) -> Snapshot:
     return Snapshot(
         text=document["text"],
         planned=document["planned"],
+        distance=None if document["distance"] is None else Distance(*document["distance"]),
         iteration=document["iteration"],
         activity=document["activity"],
         stop_reason=document["stop_reason"],
@@ -99,14 +125,34 @@ def snapshot(folder: Path) -> Snapshot:
     )
 
 
-def truth(folder: Path) -> Union[Truth, None]:
-    """The hidden twin, once the run has revealed it; None before, and for any other reality."""
+def ending(folder: Path, run: Snapshot) -> Ending:
+    """What the run has written at its end; nothing before that. Conclusions of an earlier end are left out once the run
+    goes on."""
     try:
-        revealed = json.loads((folder / "history.json").read_bytes())["revealed"]
-        return None if revealed is None else Truth(dict(revealed["parameters"]), tuple(revealed["effects"]))
+        history = json.loads((folder / "history.json").read_bytes())
+        revealed = history["revealed"]
+        truth = None if revealed is None else Truth(dict(revealed["parameters"]), tuple(revealed["effects"]))
+        is_of_now = (history["stop_reason"], history["real_tests"]) == (run.stop_reason, len(run.tests))
+        return Ending(truth, list(map(str, history["conclusions"])) if is_of_now else [])
     except (OSError, ValueError, KeyError, TypeError):
         # A damaged document is no reason to show less of the run.
-        return None
+        return NO_ENDING
+
+
+def test_name(number: int) -> str:
+    """What a real test is called: its number, from 0, as its folder has it."""
+    return f"test {number:04}"
+
+
+def fitness_of(test: TestEntry) -> Union[float, None]:
+    """The real fitness of a test; None where it has none."""
+    return None if test.verdict.done is None else test.verdict.done.fitness
+
+
+def best_of(tests: list[TestEntry]) -> Union[TestEntry, None]:
+    """The test with the best real fitness; None where there is no fitness."""
+    known = [(fitness, test) for test in tests if (fitness := fitness_of(test)) is not None]
+    return max(known, key=lambda pair: pair[0], default=(None, None))[1]
 
 
 def log_of(folder: Path, test: int) -> Union[Path, None]:

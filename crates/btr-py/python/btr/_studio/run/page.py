@@ -35,6 +35,8 @@ class RunPage:
         robot, model = robot_of(session.model), session.model
         server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(124, 58, 237))
         self._head = server.gui.add_html("")
+        with server.gui.add_folder("Conclusions", visible=False) as self._end:
+            self._conclusions = server.gui.add_html("")
         self._curves = Curves(server.gui)
         with server.gui.add_folder("Parameters"):
             self._parameters = server.gui.add_html("")
@@ -96,6 +98,8 @@ class RunPage:
         """Writes all texts and curves."""
         session = self._session
         self._tell_head()
+        self._conclusions.content = panels.conclusions(session.conclusions)
+        self._end.visible = len(session.conclusions) > 0
         self._curves.load(session.now)
         self._parameters.content = panels.parameters(session.courses, session.truth)
         self._iterations.content = panels.iterations(session.now)

@@ -7,18 +7,20 @@ from collections.abc import Sequence
 from html import escape
 from typing import Union
 
-from btr._studio.panels import MUTED, SMALL, box, chip, css
-from btr._studio.run.folder import Snapshot, Truth
+from btr._studio.panels import MUTED, SMALL, box, chip, css, note
+from btr._studio.run.folder import Distance, Snapshot, Truth, test_name
 from btr._studio.run.scene import AFTER, BEFORE
 from btr._studio.run.session import Course
 from btr._studio.run.strip import colour_of_merit
 from btr._studio.scene import BODY
 from btr._tables import cell
-from btr.documents import TestEntry
+from btr.documents import Dimension, TestEntry
 
 _INK, _TRUTH = "#7c3aed", "#2ea05a"
 _WIDE, _HIGH = 100.0, 24.0
 _MOST_TESTS = 12
+# Small enough for five columns of numbers in the panel.
+_OF_TABLES = "font-size:11px"
 
 
 def head(name: str, run: Snapshot, age_s: Union[float, None], failed: str) -> str:
@@ -35,7 +37,8 @@ def head(name: str, run: Snapshot, age_s: Union[float, None], failed: str) -> st
         f'<b style="font-size:15px">{escape(name)}</b>',
         escape(doing),
         f'<span style="{MUTED}">{count}</span>',
-        "" if run.cause is None else escape(run.cause),
+        # A run that has ended says it among its conclusions.
+        "" if run.cause is None or run.stop_reason is not None else escape(run.cause),
         f'<b style="color:#b91c1c">{escape(failed)}</b>' if failed else "",
     ]
     return box("<br>".join(line for line in lines if line))
@@ -47,13 +50,27 @@ def _ago(age_s: float) -> str:
     return f"{age_s / 60:.0f} min ago" if age_s < 5400.0 else f"{age_s / 3600:.0f} h ago"
 
 
+def conclusions(sentences: Sequence[str]) -> str:
+    """What the run comes to."""
+    items = "".join(f'<li style="margin-bottom:2px">{escape(sentence)}</li>' for sentence in sentences)
+    return box(f'<ul style="margin:0;padding-left:16px;overflow-wrap:anywhere">{items}</ul>', "font-size:12px")
+
+
+def phi(distance: Union[Distance, None]) -> str:
+    """What phi is."""
+    by = "" if distance is None else f", by {distance.name} ({distance.compares})"
+    what = "phi is the distance between what the robot did and what the simulation does with the same controllers"
+    return note(f"{what}{by}, as the mean over real tests. Less is better.")
+
+
 def iterations(run: Snapshot) -> str:
     """The last iterations: fitness promised and real, phi of the simulation before and of the new one."""
     if not run.iterations:
         return box("no iteration is closed so far", MUTED)
-    head = ("iteration", "promised", "real", "phi predicted", "phi")
+    head = ("iteration", "fitness promised", "fitness real", "phi predicted", "phi")
     rows = [(it.i, it.fitness_sim, it.fitness_real, it.phi_predicted, it.phi) for it in run.iterations[-_MOST_TESTS:]]
-    return box(_table(head, [[cell(value) for value in row] for row in rows]), "font-size:12px")
+    told = note("phi predicted: on the iteration's own tests, before the simulation has learnt from them")
+    return box(_table(head, [[cell(value) for value in row] for row in rows]), _OF_TABLES) + told
 
 
 def tests(entries: Sequence[TestEntry]) -> str:
@@ -62,18 +79,34 @@ def tests(entries: Sequence[TestEntry]) -> str:
     for entry in entries[-_MOST_TESTS:]:
         done, failed = entry.verdict.done, entry.verdict.failed
         real = cell(done.fitness) if done is not None else f"failed: {failed.why if failed is not None else ''}"
-        rows.append([str(entry.trial.number), str(entry.trial.iteration), cell(entry.promised), real])
-    return box(_table(("test", "iteration", "promised", "real"), rows), "font-size:12px") if rows else ""
+        rows.append([test_name(entry.trial.number), str(entry.trial.iteration), cell(entry.promised), real])
+    told = note("Tests have the numbers of their folders in transfers/, from 0000 on.")
+    head = ("", "iteration", "fitness promised", "fitness real")
+    return box(_table(head, rows), _OF_TABLES) + told if rows else ""
+
+
+def controller(name: str, dims: Sequence[Dimension], values: Sequence[float]) -> str:
+    """What was tried in a real test: every searched parameter of the controller, and its range."""
+    rows = []
+    for dim, value in zip(dims, values):
+        unit = "" if dim.unit == "1" else f" {dim.unit}"
+        rows.append([dim.name, f"{cell(value)}{unit}", f"{cell(dim.min)} .. {cell(dim.max)}"])
+    title = f"<b>Controller of {escape(name)}</b>"
+    return box(title + _table(("parameter", "value", "range"), rows), _OF_TABLES) if rows else ""
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    titles = "".join(f'<th style="text-align:right;font-weight:600;{MUTED}">{escape(title)}</th>' for title in head)
-    lines = "".join(
-        "<tr>" + "".join(f'<td style="text-align:right">{escape(value)}</td>' for value in row) + "</tr>"
-        for row in rows
-    )
-    style = "border-collapse:separate;border-spacing:8px 1px;font-variant-numeric:tabular-nums"
+    """A table whose first column is of names or numbers of lines, and the others of values."""
+    bold = f"font-weight:600;vertical-align:bottom;{MUTED}"
+    titles = "".join(_cell("th", title, k, bold) for k, title in enumerate(head))
+    lines = "".join("<tr>" + "".join(_cell("td", x, k, "") for k, x in enumerate(row)) + "</tr>" for row in rows)
+    style = "border-collapse:separate;border-spacing:6px 1px;font-variant-numeric:tabular-nums"
     return f'<div style="overflow-x:auto"><table style="{style}"><tr>{titles}</tr>{lines}</table></div>'
+
+
+def _cell(kind: str, text: str, column: int, style: str) -> str:
+    aligned = "left" if column == 0 else "right"
+    return f'<{kind} style="text-align:{aligned};{style}">{escape(text)}</{kind}>'
 
 
 def parameters(courses: Sequence[Course], truth: Union[Truth, None]) -> str:

@@ -15,7 +15,7 @@ from btr._btr import BtrError
 from btr._inputs import wrong
 from btr._studio.replay import Replay, Run, on_clock, replayed
 from btr._studio.run import folder as files
-from btr._studio.run.folder import Snapshot, Truth
+from btr._studio.run.folder import Ending, Snapshot, Truth
 from btr.documents import Belief, Dimension, TestEntry
 from btr.logs import load_log
 from btr.model import Model
@@ -90,7 +90,7 @@ class RunSession:
         self.folder = Path(folder)
         self._path = self.folder / "experiment.toml" if experiment is None else Path(experiment)
         self._stamps = files.stamps(self.folder)
-        self._take(files.snapshot(self.folder), files.truth(self.folder))
+        self._take(files.snapshot(self.folder))
 
     @property
     def name(self) -> str:
@@ -109,9 +109,19 @@ class RunSession:
         stamps = files.stamps(self.folder)
         if stamps == self._stamps:
             return False
-        self._take(files.snapshot(self.folder), files.truth(self.folder))
+        self._take(files.snapshot(self.folder))
         self._stamps = stamps
         return True
+
+    @property
+    def truth(self) -> Union[Truth, None]:
+        """The hidden twin, once it is revealed."""
+        return self._ending.truth
+
+    @property
+    def conclusions(self) -> list[str]:
+        """What the run comes to, as the terminal says it; empty before its end."""
+        return self._ending.conclusions
 
     @property
     def courses(self) -> list[Course]:
@@ -136,7 +146,7 @@ class RunSession:
         assert before is not None
         return Tested(test, before, self._replay(test, run, after, is_after=True))
 
-    def _take(self, run: Snapshot, truth: Union[Truth, None]) -> None:
+    def _take(self, run: Snapshot) -> None:
         before: Union[Snapshot, None] = getattr(self, "now", None)
         if before is None or before.text != run.text:
             self.model = self._model(run.text)
@@ -146,8 +156,7 @@ class RunSession:
             self._known = _Known()
         self.now = run
         """The run as its last checkpoint has it."""
-        self.truth = truth
-        """The hidden twin, once it is revealed."""
+        self._ending: Ending = files.ending(self.folder, run)
 
     def _model(self, text: str) -> Model:
         try:

@@ -12,6 +12,7 @@ from btr._studio.panels import note
 from btr._studio.robot import Robot
 from btr._studio.run import panels
 from btr._studio.run.curves import TestPlot
+from btr._studio.run.folder import best_of, fitness_of, test_name
 from btr._studio.run.motion import Motion, motion_of
 from btr._studio.run.scene import RunScene
 from btr._studio.run.session import RunSession, Tested
@@ -58,6 +59,7 @@ class RunView:
         self._channel: Any = gui.add_dropdown("Channel", ["none"], initial_value="none", visible=False)
         self._plot = TestPlot(gui)
         self._plot.show(False)
+        self._controller = gui.add_html("")
         self._choice.on_update(lambda _: self._asked())
         self._channel.on_update(lambda _: self._asked())
 
@@ -76,13 +78,19 @@ class RunView:
             self._load_strip(tests)
         else:
             self._load_test(chosen_test)
+        self._show_controller(chosen_test or best_of(tests))
+
+    def _show_controller(self, test: Union[TestEntry, None]) -> None:
+        """Shows what the controller of a test is: of the chosen one, or of the best one."""
+        dims = self._session.model.controllers
+        self._controller.content = "" if test is None else panels.controller(_name(test), dims, test.trial.controller)
 
     def _load_strip(self, tests: list[TestEntry]) -> None:
         shown = chosen(tests)
         motions = {test.trial.number: motion for test in shown if (motion := self._motion(test)) is not None}
         if not self._is_new(("strip", *motions)):
             return
-        rank = merits({test.trial.number: _fitness(test) for test in tests})
+        rank = merits({test.trial.number: fitness_of(test) for test in tests})
         numbers = [test for test in shown if test.trial.number in motions]
         walkers = [Walker(_lane(t), motions[t.trial.number], rank[t.trial.number]) for t in numbers]
         with self._lock:
@@ -158,22 +166,17 @@ def chosen(tests: list[TestEntry]) -> list[TestEntry]:
     """The tests that are shown side by side: the best one and the latest, in their order."""
     if len(tests) <= MOST_WALKERS:
         return tests
-    best = max(tests, key=lambda test: -1e300 if (fitness := _fitness(test)) is None else fitness)
-    latest = tests[-MOST_WALKERS:]
-    return latest if best in latest else [best, *latest[1:]]
-
-
-def _fitness(test: TestEntry) -> Union[float, None]:
-    return None if test.verdict.done is None else test.verdict.done.fitness
+    best, latest = best_of(tests), tests[-MOST_WALKERS:]
+    return latest if best is None or best in latest else [best, *latest[1:]]
 
 
 def _name(test: TestEntry) -> str:
-    return f"test {test.trial.number} (iteration {test.trial.iteration})"
+    return f"{test_name(test.trial.number)} (iteration {test.trial.iteration})"
 
 
 def _lane(test: TestEntry) -> str:
-    fitness = _fitness(test)
-    return f"test {test.trial.number}" + ("" if fitness is None else f": {fitness:.4g}")
+    fitness = fitness_of(test)
+    return test_name(test.trial.number) + ("" if fitness is None else f": {fitness:.4g}")
 
 
 def _simulations(test: Tested) -> list[tuple[str, Any]]:
