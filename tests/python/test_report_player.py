@@ -210,6 +210,20 @@ def test_the_picture_is_turned_by_pointer_and_by_keyboard(chromium: "playwright.
     page.close()
 
 
+# Of a comparison, the table of channels has too many columns for a narrow screen.
+@pytest.mark.parametrize(("verb", "scrolled"), [("diagnose", 0), ("fit", 0), ("compare", 1), ("run/report", 0)])
+def test_nothing_is_cut_on_a_narrow_screen(
+    verb: str, scrolled: int, chromium: "playwright.Browser", reports: Path
+) -> None:
+    page = opened(chromium, reports / f"{verb}.html", 500)
+    frames = page.locator(".scroll")
+    scrolls = frames.evaluate_all("frames => frames.map(frame => frame.scrollWidth > frame.clientWidth)")
+    assert sum(scrolls) == scrolled
+    right = "elements => Math.max(...elements.map(element => element.getBoundingClientRect().right))"
+    assert page.locator("body :not(.scroll *):not(svg *)").evaluate_all(right) <= 500
+    page.close()
+
+
 def test_without_scripts_or_on_paper_there_are_the_plots_alone(
     chromium: "playwright.Browser", reports: Path
 ) -> None:

@@ -19,11 +19,11 @@ pub(crate) enum Pin {
 /// A row.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Row {
-    /// Label on the left.
+    /// Label above the marks, on the left.
     pub(crate) name: String,
     /// Marks, drawn in this order.
     pub(crate) pins: Vec<Pin>,
-    /// Note on the right.
+    /// Note above the marks, on the right.
     pub(crate) note: String,
     /// Whether the row is emphasised.
     pub(crate) strong: bool,
@@ -61,19 +61,21 @@ pub(crate) struct Rows {
     pub(crate) joined: bool,
 }
 
-/// Height of a row, width of the scale, room above and below it, in px.
-const ROW: f64 = 26.0;
-const SCALE: f64 = 420.0;
+/// Height of a row's marks and of a line of its words, which are above them, in px.
+const MARKS: f64 = 24.0;
+const WORDS: f64 = 16.0;
+/// Width of the scale, which fits on a narrow screen, room above and below it, in px.
+const SCALE: f64 = 430.0;
 const TOP: f64 = 68.0;
 const BOTTOM: f64 = 46.0;
-/// Space between names, scale and notes, in px.
-const GAP: f64 = 14.0;
+/// Space beside the scale, in px.
+const SIDE: f64 = 8.0;
 /// Vertical distance of the inks of a legend within a row, in px.
 const LANE: f64 = 7.0;
 /// Minimum range of a logarithmic scale, so that small differences look small.
 const LEAST_RATIO: [f64; 2] = [0.8, 3.0];
 /// Width of a letter in px: a generous estimate, as the viewer chooses the font.
-const LETTER: f64 = 8.0;
+const LETTER: f64 = 7.2;
 
 /// The rows as an SVG document.
 pub(crate) fn rows(of: &Rows) -> String {
@@ -84,20 +86,25 @@ pub(crate) fn rows(of: &Rows) -> String {
 struct RowFrame {
     left: f64,
     right: f64,
+    top: f64,
     bottom: f64,
     width: f64,
+    /// Height of a row.
+    row: f64,
+    /// Whether notes have a line below the names: beside them there is no room.
+    stacked: bool,
+    /// Where the entries of the legend begin, from the first one on.
+    legend: Vec<(f64, f64)>,
     scale: RowScale,
     axis: Axis,
 }
 
 impl RowFrame {
     fn new(of: &Rows) -> Self {
-        let widest = |texts: &mut dyn Iterator<Item = &String>| {
-            texts.map(|text| text.chars().count()).max().unwrap_or(0) as f64 * LETTER
-        };
-        let left = widest(&mut of.rows.iter().map(|row| &row.name)).max(90.0) + GAP;
-        let notes = widest(&mut of.rows.iter().map(|row| &row.note).chain([&of.notes]));
-        let right = left + SCALE;
+        let letters = |row: &Row| (row.name.chars().count() + row.note.chars().count() + 2) as f64;
+        let stacked = of.rows.iter().any(|row| LETTER * letters(row) > SCALE);
+        let row = MARKS + WORDS * if stacked { 2.0 } else { 1.0 };
+        let (left, right) = (SIDE, SIDE + SCALE);
         let values = of.rows.iter().flat_map(|row| &row.pins).flat_map(|pin| match *pin {
             Pin::Dot(_, x) => [x, x],
             Pin::Span(_, a, b) | Pin::Stem(_, a, b) => [a, b],
@@ -108,10 +115,12 @@ impl RowFrame {
             RowScale::Bounds => Axis::over([0.0, 1.0].into_iter(), 4, 0.03),
             RowScale::Amount => Axis::over(values.chain([0.0]), 6, 0.03),
         };
-        let legend = of.legend.iter().map(|(_, name)| name).chain(of.lines.iter().map(|(.., name)| name));
-        let legend = left + legend.map(|name| entry_width(name)).sum::<f64>();
-        let width = (right + GAP + notes + 8.0).max(8.8 * of.title.chars().count() as f64).max(legend);
-        RowFrame { left, right, bottom: TOP + ROW * of.rows.len() as f64 + 8.0, width, scale: of.scale, axis }
+        let names = of.legend.iter().map(|(_, name)| name).chain(of.lines.iter().map(|(.., name)| name));
+        let legend = places(names, right - left);
+        let width = (right + SIDE).max(8.8 * of.title.chars().count() as f64);
+        let top = TOP + legend.last().map_or(0.0, |(_, y)| *y);
+        let bottom = top + row * of.rows.len() as f64 + 8.0;
+        RowFrame { left, right, top, bottom, width, row, stacked, legend, scale: of.scale, axis }
     }
 
     /// `None` where a value is outside the domain of the scale.
@@ -123,8 +132,9 @@ impl RowFrame {
         place.is_finite().then(|| self.left + SCALE * self.axis.share(place).clamp(0.0, 1.0))
     }
 
-    fn middle(row: usize) -> f64 {
-        TOP + ROW * (row as f64 + 0.5) + 4.0
+    /// Where the marks of a row are.
+    fn middle(&self, row: usize) -> f64 {
+        self.top + self.row * (row as f64 + 1.0) - 0.5 * MARKS + 4.0
     }
 
     fn draw(&self, of: &Rows) -> String {
@@ -132,9 +142,9 @@ impl RowFrame {
         let _ = writeln!(out, "<text class=\"title\" x=\"8\" y=\"20\">{}</text>", escaped(&of.title));
         self.grid(&mut out);
         for (ink, x, _) in &of.lines {
-            let (class, bottom) = (stroke(*ink, "line dashes"), self.bottom);
+            let (class, top, bottom) = (stroke(*ink, "line dashes"), self.top, self.bottom);
             if let Some(x) = self.at(*x) {
-                let _ = writeln!(out, "<line {class} x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{TOP}\" y2=\"{bottom:.1}\"/>");
+                let _ = writeln!(out, "<line {class} x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{top}\" y2=\"{bottom:.1}\"/>");
             }
         }
         if of.joined {
@@ -155,16 +165,18 @@ impl RowFrame {
                 .map(|(x, name)| (x, name.to_owned()))
                 .to_vec(),
         };
-        let (left, right, bottom) = (self.left, self.right, self.bottom);
+        let (left, right, top, bottom) = (self.left, self.right, self.top, self.bottom);
         for (x, text) in ticks {
             let x = left + SCALE * self.axis.share(x);
-            let _ = writeln!(out, "<line class=\"grid\" x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{TOP}\" y2=\"{bottom:.1}\"/>");
-            let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{text}</text>", bottom + 16.0);
+            let _ = writeln!(out, "<line class=\"grid\" x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{top}\" y2=\"{bottom:.1}\"/>");
+            let half = 0.5 * LETTER * text.chars().count() as f64;
+            let (x, y) = (x.clamp(half, self.width - half), bottom + 16.0);
+            let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{text}</text>");
         }
-        let (width, height) = (right - left, bottom - TOP);
+        let (width, height) = (right - left, bottom - top);
         let _ = writeln!(
             out,
-            "<rect class=\"frame\" x=\"{left:.1}\" y=\"{TOP}\" width=\"{width:.1}\" height=\"{height:.1}\"/>"
+            "<rect class=\"frame\" x=\"{left:.1}\" y=\"{top}\" width=\"{width:.1}\" height=\"{height:.1}\"/>"
         );
     }
 
@@ -173,19 +185,20 @@ impl RowFrame {
         let lane = lane(of, ink);
         let dot = |pin: &Pin| if let Pin::Dot(of, x) = *pin { (of == ink).then(|| self.at(x)).flatten() } else { None };
         let dots = of.rows.iter().enumerate().filter_map(|(k, row)| Some((row.pins.iter().find_map(dot)?, k)));
-        let points: Vec<String> = dots.map(|(x, k)| format!("{x:.1},{:.1}", Self::middle(k) + lane)).collect();
+        let points: Vec<String> = dots.map(|(x, k)| format!("{x:.1},{:.1}", self.middle(k) + lane)).collect();
         if points.len() > 1 {
             let _ = writeln!(out, "<polyline {} points=\"{}\"/>", stroke(ink, "line"), points.join(" "));
         }
     }
 
     fn row(&self, k: usize, row: &Row, of: &Rows, out: &mut String) {
-        let y = Self::middle(k);
-        let class = if row.strong { " class=\"strong\"" } else { "" };
+        let y = self.middle(k);
+        let class = if row.strong { " class=\"over strong\"" } else { " class=\"over\"" };
         let (name, note) = (escaped(&row.name), escaped(&row.note));
-        let (text_y, end, start) = (y + 4.0, self.left - GAP / 2.0, self.right + GAP);
-        let _ = writeln!(out, "<text{class} x=\"{end:.1}\" y=\"{text_y:.1}\" text-anchor=\"end\">{name}</text>");
-        let _ = writeln!(out, "<text{class} x=\"{start:.1}\" y=\"{text_y:.1}\">{note}</text>");
+        let (begin, end, note_y) = (self.left + 6.0, self.right - 6.0, y - 0.5 * MARKS);
+        let name_y = if self.stacked { note_y - WORDS } else { note_y };
+        let _ = writeln!(out, "<text{class} x=\"{begin:.1}\" y=\"{name_y:.1}\">{name}</text>");
+        let _ = writeln!(out, "<text{class} x=\"{end:.1}\" y=\"{note_y:.1}\" text-anchor=\"end\">{note}</text>");
         for pin in &row.pins {
             let (Pin::Dot(ink, _) | Pin::Span(ink, ..) | Pin::Stem(ink, ..)) = *pin;
             self.pin(*pin, y + lane(of, ink), out);
@@ -219,17 +232,18 @@ impl RowFrame {
             "<text x=\"{middle:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{label}</text>",
             self.bottom + 36.0
         );
-        let _ = writeln!(out, "<text x=\"{:.1}\" y=\"{}\">{notes}</text>", self.right + GAP, TOP - 7.0);
-        let (mut x, y) = (self.left, 42.0);
+        let (end, y) = (self.right - 6.0, self.top - 7.0);
+        let _ = writeln!(out, "<text x=\"{end:.1}\" y=\"{y}\" text-anchor=\"end\">{notes}</text>");
         let dots = of.legend.iter().map(|(ink, name)| (dot(*ink, 12.0, 0.0), name));
         let dashes = |ink| format!("<path {} d=\"M0 0h20\"/>", stroke(ink, "line dashes"));
-        for (mark, name) in dots.chain(of.lines.iter().map(|(ink, _, name)| (dashes(*ink), name))) {
+        let entries = dots.chain(of.lines.iter().map(|(ink, _, name)| (dashes(*ink), name)));
+        for ((mark, name), (x, y)) in entries.zip(&self.legend) {
+            let (x, y) = (self.left + x, 42.0 + y);
             let _ = writeln!(
                 out,
                 "<g class=\"legend\" transform=\"translate({x:.1} {y})\">{mark}<text x=\"26\" y=\"4\">{}</text></g>",
                 escaped(name)
             );
-            x += entry_width(name);
         }
     }
 }
@@ -240,9 +254,24 @@ fn lane(of: &Rows, ink: Ink) -> f64 {
     place.map_or(0.0, |k| LANE * (k as f64 - (of.legend.len() as f64 - 1.0) / 2.0))
 }
 
+/// Where the entries of a legend begin, in lines of at most this width.
+fn places<'a>(names: impl Iterator<Item = &'a String>, width: f64) -> Vec<(f64, f64)> {
+    let (mut x, mut y) = (0.0, 0.0);
+    let place = |name: &'a String| {
+        let wide = entry_width(name);
+        if x > 0.0 && x + wide > width {
+            (x, y) = (0.0, y + WORDS);
+        }
+        let begin = (x, y);
+        x += wide;
+        begin
+    };
+    names.map(place).collect()
+}
+
 /// Width of a legend entry with its mark, in px.
 fn entry_width(name: &str) -> f64 {
-    42.0 + 0.9 * LETTER * name.chars().count() as f64
+    42.0 + LETTER * name.chars().count() as f64
 }
 
 fn dot(ink: Ink, x: f64, y: f64) -> String {
@@ -273,6 +302,32 @@ mod tests {
             !svg.contains("span\"") && svg.contains("stem\"") && !svg.contains("NaN") && !svg.contains("inf"),
             "{svg}"
         );
+    }
+
+    #[test]
+    fn a_chart_fits_on_a_narrow_screen() {
+        let row =
+            Row { name: "a_long_name@joint".into(), note: "0.3805 kg (0.3046 .. 0.4754)".into(), ..Row::default() };
+        let lines: Vec<_> = ["noise floor", "training logs, without any", "held-out logs"]
+            .map(|name| (Ink::Truth, 1.0, name.to_owned()))
+            .into();
+        let chart = |row: Row| {
+            let of = Rows {
+                title: "Fall".into(),
+                label: "error".into(),
+                notes: String::new(),
+                scale: RowScale::Ratio,
+                lines: lines.clone(),
+                legend: Vec::new(),
+                rows: vec![row],
+                joined: false,
+            };
+            RowFrame::new(&of)
+        };
+        let (short, long) = (chart(row.clone()), chart(Row { note: row.note.repeat(2), ..row }));
+        assert!(short.width < 460.0 && long.width < 460.0);
+        assert_eq!((short.stacked, long.stacked), (false, true), "a long note has a line of its own");
+        assert_eq!(short.legend.iter().map(|(_, y)| *y).collect::<Vec<_>>(), [0.0, 0.0, WORDS]);
     }
 
     #[test]

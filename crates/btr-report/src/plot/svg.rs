@@ -21,13 +21,14 @@ text{font:12px system-ui,-apple-system,'Segoe UI',Helvetica,Arial,sans-serif;fil
 .title{font-size:14px;font-weight:600;fill:#111}
 .paper{fill:#fff}.frame{fill:none;stroke:#999}.grid{stroke:#e6e6e6}.mark{stroke:#c4c4c4;stroke-dasharray:2 3}
 .main{stroke:#0b62b0}.second{stroke:#d9730d}.third{stroke:#a3479c}.fourth{stroke:#0f857a}.alarm{stroke:#c5221f}.truth{stroke:#5c5c5c}
+.over{paint-order:stroke;stroke:#fff;stroke-width:4px;stroke-linejoin:round}
 .hidden{display:none}.line,.dots,.span,.stem{fill:none}.strong{font-weight:600}
 .cell{fill:#eee}.heat{fill:#b3261e}.hot{fill:#fff}
 .line{stroke-width:1.8;stroke-linejoin:round}.dashes{stroke-dasharray:6 4}.broad{stroke-width:5;stroke-opacity:.55}.dots{stroke-width:3.4;stroke-linecap:round}
 .pin{stroke-width:8}.span{stroke-width:5;stroke-opacity:.45}.stem{stroke-width:1.4;stroke-opacity:.6}
 @media(prefers-color-scheme:dark){text{fill:#c8c8c8}.title{fill:#eee}.paper{fill:#15181c}.frame{stroke:#666}
 .grid{stroke:#2a2e34}.mark{stroke:#4a4f57}.main{stroke:#5aa9f0}.second{stroke:#f2a154}.third{stroke:#d68ad0}.fourth{stroke:#4cc3b3}.alarm{stroke:#f28b82}.truth{stroke:#a5a5a5}
-.shade{filter:invert(1)}.cell{fill:#23272e}.heat{fill:#e0584e}}
+.over{stroke:#15181c}.shade{filter:invert(1)}.cell{fill:#23272e}.heat{fill:#e0584e}}
 </style>";
 
 /// Appends a formatted line; writing to a string cannot fail.
