@@ -130,13 +130,18 @@ def serve(model: str, log: str) -> None:
 
     load, change = View.load, StudioPage._on_value
 
+    def say(what):
+        # In one piece: two threads say something.
+        sys.stdout.write(f"{what} {time.monotonic()}\n")
+        sys.stdout.flush()
+
     def loaded(view, replay):
         load(view, replay)
         is_whole = all(np.isfinite(values[-1]) for values in replay.simulated.values())
-        print("whole" if is_whole else "part", time.monotonic(), flush=True)
+        say("whole" if is_whole else "part")
 
     def changed(page, *given):
-        print("changed", time.monotonic(), flush=True)
+        say("changed")
         change(page, *given)
 
     View.load, StudioPage._on_value = loaded, changed
