@@ -5,9 +5,10 @@ use super::player::{Player, Replayed, ReplayedState};
 use crate::best_test::BestTest;
 use crate::plot::{Panel, figure};
 use crate::run_tables::{iterations, parameters, real_tests, reason};
-use crate::table::{Table, number};
+use crate::table::Table;
 use btr_identify::compare::LogPair;
 use btr_lab::experiment::Experiment;
+use btr_lab::run::conclusions::conclusions;
 use btr_lab::run::report::RunReport;
 use btr_lab::verbs::compare_pairs;
 
@@ -48,21 +49,11 @@ fn result(report: &RunReport) -> Section {
     if report.stop_reason.is_none() {
         blocks = vec![Block::Lead("The run waits for a real test.".to_owned())];
     }
-    if let Some(best) = report.recommended.as_ref().filter(|_| !report.fitness.is_empty()) {
-        let (fitness, test) = (number(best.fitness_real), best.test);
-        blocks
-            .push(Block::Text(format!("Best in reality: fitness {fitness}, real test {test} (transfers/{test:04}).")));
-    }
     blocks.push(Block::Text(format!(
         "Real tests: {}. Simulated: {} ({} failed).",
         report.real_tests, report.simulated_evaluations, report.failed_evaluations
     )));
-    let doubts: Vec<String> = report.doubts.iter().map(|doubt| doubt.sentence()).collect();
-    blocks.extend((!doubts.is_empty()).then_some(Block::List(doubts)));
-    if let Some(cause) = report.diagnosis.as_ref().filter(|_| report.disengaged) {
-        blocks
-            .push(Block::Text(format!("The simulations do not reproduce what the robot does: {}.", cause.sentence())));
-    }
+    blocks.push(Block::List(conclusions(report)));
     let (header, rows) = iterations(report).into_parts();
     blocks.push(Block::Table { header, rows });
     Section { title: "Result".to_owned(), blocks }
