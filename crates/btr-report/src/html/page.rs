@@ -59,7 +59,7 @@ nav a{display:inline-block;margin:0 1rem .3rem 0;color:inherit}
 table{border-collapse:collapse;font-variant-numeric:tabular-nums;font-size:.9rem}
 th,td{padding:.25rem .7rem;border-bottom:1px solid var(--line);text-align:right;white-space:nowrap}
 th:first-child,td:first-child{text-align:left}th{background:var(--head)}
-@media(max-width:40rem){table{font-size:.8rem}th,td{padding:.25rem .2rem;white-space:normal}
+@media(max-width:40rem){table{font-size:.75rem}th,td{padding:.25rem .2rem;white-space:normal}
 td:first-child{overflow-wrap:anywhere}}
 .lead{font-size:1.15rem;padding:.7rem 1rem;border-left:5px solid #0b62b0;background:var(--head)}
 pre{padding:.6rem 1rem;background:var(--head);white-space:pre-wrap;font-size:.85rem}
