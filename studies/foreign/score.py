@@ -226,16 +226,18 @@ def mark(case: Case, outcome: Outcome) -> None:
     """Scores an answer, its names and its intervals."""
     truth = {name.replace("payload_at_end@", "end_payload@") for name in outcome.truth}
     twins = {name: {name, *exact_twins(case, name)} for name in truth}
+    carried = [h.site for h in case.hidden if h.effect == "payload_at_end"]
+    for link in carried:
+        # The place is part of the truth: a load at the link's end and one at a free place are both that load.
+        twins[f"end_payload@{link}"].add(f"tool_load@{link}")
     acceptable = set().union(*twins.values(), case.right)
     # Part of every dry friction and backlash in MuJoCo: right where it is named, and not asked for.
     soft = softness(case.robot, case.hidden, case.numerics, case.carried)
     case = replace(case, hidden=case.hidden + soft)
     creeps = {h.name for h in soft} - truth
     acceptable |= creeps
-    if any(h.effect == "payload_at_end" for h in case.hidden):
-        link = case.hidden[0].site
-        alike = ("tool_load", "end_payload", "payload", "com_offset", "link_inertia")
-        acceptable |= {f"{name}@{link}" for name in alike}
+    alike = ("tool_load", "end_payload", "payload", "com_offset", "link_inertia")
+    acceptable |= {f"{name}@{link}" for link in carried for name in alike}
     outcome.right = [name in acceptable for name in outcome.named]
     mark_intervals(case, outcome)
     asked = replace(outcome, named=[name for name in outcome.named if name not in creeps])
