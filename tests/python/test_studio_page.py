@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 from urllib.parse import urlsplit
 
 import pytest
@@ -21,8 +22,8 @@ import numpy as np
 import btr
 from btr._studio import panels
 from btr._studio import server as server_module
-from btr._studio.candidates import Candidate
-from btr._studio.cause import Sliders, reach, step_of
+from btr._studio.candidates import Candidate, plain
+from btr._studio.cause import Candidates, Sliders, reach, step_of
 from btr._studio.failures import covered, place
 from btr._studio.player import Player
 from btr._studio.plots import Lines, extremes
@@ -383,3 +384,21 @@ def test_readings_without_noise_have_no_floor(served: tuple[Server, str]) -> Non
     off = SimpleNamespace(joint="slide", regime="fast", chi=None, hint="", log="")
     verdict = SimpleNamespace(sentences=["slide is off"])
     assert "infinite" in panels.regimes(SimpleNamespace(failures=[off], verdict=verdict), ["slide"], "the log")
+
+
+def test_all_that_is_established_can_be_added_at_once() -> None:
+    server, added = MagicMock(), []
+    server.gui.add_button.side_effect = lambda label, **_: MagicMock(label=label)
+    cards = Candidates(server, added.extend, added.clear, added.extend)
+    friction, creep, other = (plain(f"{effect}@yaw") for effect in ("coulomb_friction", "friction_creep", "backlash"))
+    found = [replace(friction, established=True), replace(creep, established=True), other]
+    session = SimpleNamespace(step=SimpleNamespace(added=()), previewed=None, candidates=found, added=[])
+    cards.load(session)
+    first = cards.buttons[0]
+    assert first.label == "Add all 2"
+    (act,) = first.on_click.call_args.args
+    act(None)
+    assert added == ["coulomb_friction@yaw", "friction_creep@yaw"]
+    session.candidates = [found[0], other]
+    cards.load(session)
+    assert all("Add all" not in button.label for button in cards.buttons)

@@ -103,8 +103,11 @@ def test_a_value_that_is_wrong_is_a_suspect() -> None:
     rivals = [{"name": None, "probability": 0.07}, {"name": "payload@upper", "probability": 0.03}]
     value = {"value": "mass", "site": "upper", "alike": [], "probability": 0.9, "established": True, "rivals": rivals}
     report = {**value, "parameters": [{**estimate, "in_model": 0.7}]}
-    document = {"verdict": "value_wrong", "effects": [], "wrong_values": [report], "ranking": []}
-    (card,) = candidates(btr.DiagnoseResult(document, None, None, None))
+    other = {**report, "parameters": [{**estimate, "name": "mass@fore", "in_model": 0.6}]}
+    document = {"verdict": "value_wrong", "effects": [], "wrong_values": [report, other], "ranking": []}
+    card, second = candidates(btr.DiagnoseResult(document, None, None, None))
+    assert "found beside mass@upper: add that first, or all" in panels.card(second)
+    assert "found beside" not in panels.card(card)
     assert card.names == ("mass@upper",)
     assert card.law == "mass@upper: 0.5 kg in the logs, 0.7 in the model"
     assert "the rest of the probability: the model without it 7 %, payload@upper 3 %" in panels.card(card)
@@ -378,6 +381,24 @@ def test_values_set_by_hand_are_in_the_scripts(arm: Session, tmp_path: Path) -> 
     arm.add([FRICTION])
     arm.set_values({"kp@yaw": 18.5, "coulomb_friction.torque@yaw": 0.31})
     assert_scripts_come_to(arm.save(), tmp_path)
+
+
+def test_scripts_run_in_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROBOTS)
+    session = Session("arm.toml", ["arm/learn_1.csv"], held_out=["arm/held_out_1.csv"], folder=tmp_path)
+    session.set_values({"kp@yaw": 18.0})
+    saved = session.save()
+    assert os.access(saved.shell, os.X_OK)
+    assert_scripts_come_to(saved, tmp_path)
+
+
+def test_the_title_of_a_model_names_all_that_was_added(arm: Session) -> None:
+    assert arm.step.title == arm.step.label
+    arm.add([FRICTION])
+    arm.add(["viscous_friction@elbow"])
+    assert arm.step.title == f"+ {FRICTION} + viscous_friction@elbow"
+    arm.set_values({"kp@yaw": 18.0})
+    assert arm.step.title == f"+ {FRICTION} + viscous_friction@elbow set by hand"
 
 
 def test_a_model_that_was_not_changed_is_not_fitted_by_the_scripts(arm: Session, tmp_path: Path) -> None:

@@ -39,6 +39,8 @@ class Candidate:
     """Who has the rest of its probability."""
     held_out: Union[float, None]
     """Error on the held-out logs with it, in noise floors; None where that is not known."""
+    beside: tuple[str, ...] = ()
+    """What the diagnosis had found before it, and had in the model."""
 
     @property
     def title(self) -> str:
@@ -52,6 +54,7 @@ def candidates(found: DiagnoseResult) -> list[Candidate]:
     if found.verdict == "nothing_missing":
         return []
     named = [_effect(effect) for effect in found.effects] + [_value(value) for value in found.wrong_values]
+    named = [replace(each, beside=tuple(before.title for before in named[:k])) for k, each in enumerate(named)]
     known = {name for candidate in named for name in candidate.names}
     others = [ranked for ranks in found.ranking[:1] for ranked in ranks if ranked.name not in known]
     supports = [*found.effects, *found.wrong_values]

@@ -48,11 +48,21 @@ class Candidates:
         suspects, in_model = session.candidates, session.added
         self._suspects.visible, self._added.visible = bool(suspects), bool(in_model)
         with self._suspects:
+            self._add_all([candidate for candidate in suspects if candidate.established])
             for candidate in suspects:
                 self._card(candidate, is_added=False, is_shown=candidate.names == shown)
         with self._added:
             for candidate in in_model:
                 self._card(candidate, is_added=True, is_shown=False)
+
+    def _add_all(self, established: Sequence[Candidate]) -> None:
+        """A button that adds all that is established, where that is more than one."""
+        names = [name for candidate in established for name in candidate.names]
+        if len(established) > 1:
+            button = self._gui.add_button(f"Add all {len(established)}", color="violet")
+            button.on_click(lambda _: self._add(names))
+            self._shown.append(button)
+            self.buttons.append(button)
 
     def _card(self, candidate: Candidate, *, is_added: bool, is_shown: bool) -> None:
         is_open = candidate.established or is_added or is_shown

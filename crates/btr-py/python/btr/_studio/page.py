@@ -69,7 +69,7 @@ class Page:
     def _add_cause(self) -> None:
         gui = self._server.gui
         gui.add_html(panels.WIDER)
-        self._head = gui.add_html(panels.head(self._session.model.name, self._session.step.label, None, None))
+        self._head = gui.add_html(panels.head(self._session.model.name, self._session.step.title, None, None))
         self._ask = gui.add_button("What is missing?", color="violet", icon=viser.Icon.SEARCH)
         self._cancel = gui.add_button("Cancel", color="red", icon=viser.Icon.X, visible=False)
         self._told = gui.add_html("")
@@ -276,7 +276,7 @@ class Page:
         self._bounds.content = panels.at_bounds(self._session.at_bounds)
 
     def _told_errors(self, step: Step, learn: float | None, held_out: float | None) -> str:
-        return panels.head(step.model.name, step.label, learn, held_out, tails=self._session.holds_out_tails)
+        return panels.head(step.model.name, step.title, learn, held_out, tails=self._session.holds_out_tails)
 
     def _show_comparison(self) -> None:
         session, is_first = self._session, not self._session.floors

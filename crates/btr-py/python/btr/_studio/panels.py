@@ -55,7 +55,7 @@ def _floors(error: Union[float, None]) -> str:
 
 
 def head(model: str, step: str, learn: Union[float, None], held_out: Union[float, None], *, tails: bool = False) -> str:
-    """The model, what was done last, and its errors; with `tails`, the last 30 % of each log are what is held out."""
+    """The model, what was added to it, and its errors; with `tails`, the last 30 % of each log are what is held out."""
     title = f'<b style="font-size:15px">{escape(model)}</b> <span style="{MUTED}">{escape(step)}</span>'
     names = ("first 70 %", "last 30 %") if tails else ("training logs", "held-out logs")
     rows = "".join(
@@ -186,6 +186,7 @@ def card(candidate: Candidate) -> str:
         f"<code>{escape(candidate.law)}</code>" if candidate.law else "",
         f'<span style="{MUTED}">shows as: {escape(candidate.shows)}</span>' if candidate.shows else "",
         *(f"<b>{escape(value)}</b>" for value in candidate.values),
+        f"found beside {escape(', '.join(candidate.beside))}: add that first, or all" if candidate.beside else "",
         f"these logs cannot tell it from {escape(_alike(candidate))}" if candidate.alike else "",
         escape(_rest(candidate)),
         escape(facts),

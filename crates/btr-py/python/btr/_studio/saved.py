@@ -52,8 +52,14 @@ class Journey:
     """Values that were set last, by name."""
 
     def logs(self, *, held_out: bool) -> list[str]:
-        """Paths of the training or of the held-out logs, as the user named them."""
-        return [run.path for run in self.runs if run.held_out == held_out and run.path is not None]
+        """Absolute paths of the training or of the held-out logs: a script is run from any folder."""
+        chosen = [run.path for run in self.runs if run.held_out == held_out and run.path is not None]
+        return [str(Path(path).absolute()) for path in chosen]
+
+    @property
+    def model_path(self) -> str:
+        """Absolute path of the first model."""
+        return str(Path(self.first.path).absolute())
 
     @property
     def is_of_files(self) -> bool:
@@ -74,7 +80,7 @@ def save(folder: Path, model: Model, journey: Journey, report: Reported) -> Save
     report.report(saved.report)
     if not journey.is_of_files:
         return Saved(saved.model, saved.report, None, None)
-    _write(saved.shell, shell(journey))
+    _write(saved.shell, shell(journey), mode=0o755)
     _write(saved.python, python(journey))
     return saved
 
@@ -99,7 +105,7 @@ def commented(model: Model, journey: Journey) -> Model:
 
 def shell(journey: Journey) -> str:
     """Commands for a shell that lead from the first model to the present one."""
-    first = str(journey.first.path)
+    first = journey.model_path
     logs, held = journey.logs(held_out=False), journey.logs(held_out=True)
     held_out = ["--held-out", *held] if held else []
     adding = [word for name in journey.added for word in ("--add", name)]
@@ -128,7 +134,7 @@ def python(journey: Journey) -> str:
         [
             "import btr",
             "",
-            f"model = btr.load_model({str(journey.first.path)!r})",
+            f"model = btr.load_model({journey.model_path!r})",
             f"logs = {logs!r}",
             f"held_out = {held!r}",
             "print(btr.compare(model, logs))",
@@ -159,10 +165,11 @@ def _free(folder: Path, name: str) -> str:
         number += 1
 
 
-def _write(path: Union[Path, None], text: str) -> None:
+def _write(path: Union[Path, None], text: str, mode: int = 0o644) -> None:
     if path is None:
         return
     try:
         path.write_text(text, encoding="utf-8")
+        path.chmod(mode)
     except OSError as error:
         raise BtrError(f"{path}: {error.strerror}\nhelp: choose another folder") from error

@@ -31,6 +31,7 @@ Errors = tuple[Union[float, None], Union[float, None]]
 """Errors on the training and on the held-out logs, in noise floors; None where there is none."""
 
 BY_HAND = "set by hand"
+PREVIEW = "preview: "
 
 PART_TAKES_S = 0.01
 """How long the beginning of a simulation may take that is shown before the whole."""
@@ -62,6 +63,14 @@ class Step:
     """Steps of the diagnosis of this model, or of the fit that it comes from."""
     diagnosis: Union[DiagnoseResult, None] = None
     """What this model lacks; None until `Session.diagnose`."""
+
+    @property
+    def title(self) -> str:
+        """What the model is: what was added to the first one, and whether values were set since."""
+        added = " ".join(f"+ {name}" for name in self.added)
+        if self.label.startswith(PREVIEW):
+            return f"{PREVIEW}{added}"
+        return f"{added} {self.label}".strip() if self.label == BY_HAND else added or self.label
 
 
 class Session:
@@ -268,7 +277,7 @@ class Session:
 
     def preview(self, names: Sequence[str], tell: Union[Callable[[], None], None] = None) -> Step:
         """Shows what `add` would make of the model, which stays as it is. Adding it then is no more work."""
-        previewed = self._fit_of("preview: + " + ", ".join(names), (*self.step.added, *names), tell)
+        previewed = self._fit_of(f"{PREVIEW}+ {', '.join(names)}", (*self.step.added, *names), tell)
         self.show_step()
         self.previewed = previewed
         return previewed
