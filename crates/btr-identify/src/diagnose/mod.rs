@@ -232,16 +232,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
     }
     let inflation = ComparisonMeasure::of(objective, &state.fit).inflation();
     let all = estimates(objective, &state.fit, inflation, intervals);
-    for found in &mut state.chosen {
-        let parameters: Vec<usize> = objective.candidates()[found.candidate].parameters().collect();
-        found.parameters =
-            all.iter().filter(|(parameter, _)| parameters.contains(parameter)).map(|(_, e)| e.clone()).collect();
-        let is_size = |parameter: &usize| objective.candidates()[found.candidate].amplitudes.contains(parameter);
-        let none = |parameter: usize| objective.parameters()[parameter].value(0.0);
-        let sizes: Vec<(f64, &Estimate)> =
-            all.iter().filter(|(parameter, _)| is_size(parameter)).map(|(k, estimate)| (none(*k), estimate)).collect();
-        evidence::doubt_size(found, &sizes);
-    }
+    state.chosen.iter_mut().for_each(|found| note_estimates(objective, found, &all));
     let found = (!state.chosen.is_empty()).then_some(&state.fit);
     let law = (leaves && !stopped && objective.rollouts() < question.max_rollouts)
         .then(|| state.bare_now(objective))
@@ -285,4 +276,16 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
         rollouts,
         fit: state.fit,
     }
+}
+
+/// Gives a finding its parameters' estimates, which may tell that its size is uncertain.
+fn note_estimates(objective: &Objective, found: &mut MissingEffect, all: &[(usize, Estimate)]) {
+    let candidate = &objective.candidates()[found.candidate];
+    let of = |(parameter, _): &&(usize, Estimate)| candidate.parameters().any(|own| own == *parameter);
+    found.parameters = all.iter().filter(of).map(|(_, estimate)| estimate.clone()).collect();
+    let is_size = |(parameter, _): &&(usize, Estimate)| candidate.amplitudes.contains(parameter);
+    let none = |parameter: usize| objective.parameters()[parameter].value(0.0);
+    let sizes: Vec<(f64, &Estimate)> =
+        all.iter().filter(is_size).map(|(parameter, estimate)| (none(*parameter), estimate)).collect();
+    evidence::doubt_size(found, &sizes);
 }
