@@ -210,6 +210,7 @@ mod tests {
             probability_cap: None,
             delta_bic: 100.0,
             parameters: Vec::new(),
+            close: Vec::new(),
             candidate: 0,
         }
     }

@@ -1,7 +1,7 @@
 //! Acceptance of one of the fitted candidates.
 
 use super::own;
-use super::refit::Rival;
+use super::refit::{CLOSE, Rival};
 use super::report::{MissingEffect, RankedCandidate, RivalPoint, RivalProbability};
 use super::state::{DiagnosisState, earns_its_parameters};
 use super::thresholds::{DECISIVE, HELD_OUT_FALL, INDISTINCT, LEARNT_FALL, TIE};
@@ -16,7 +16,10 @@ const SHOWN: f64 = 0.2;
 /// A rival whose gain in B falls short of the first's by less than this share gains nearly as much, ...
 const NEARLY: f64 = 0.5;
 /// ... and what leaves this many times its sum of squares on the held-out logs leaves far more.
-const FAR_MORE: f64 = 2.0;
+pub(super) const FAR_MORE: f64 = 2.0;
+
+/// How many of the rivals that did nearly as well are kept, to be compared again beside later findings.
+const COMPARED: usize = 3;
 
 /// The first of the rivals, which are sorted by B, if the training logs show it clearly.
 fn unconfirmed(
@@ -161,11 +164,14 @@ fn named(
     let gained = before - measure.criterion(&winner.fit);
     let has_share =
         |r: &&Rival| r.candidate != winner.candidate && stands_for.is_none_or(|s| s.candidate != r.candidate);
+    let is_close = |r: &&Rival| has_share(r) && left(r) <= CLOSE * left(winner);
+    let close = rivals.iter().filter(is_close).map(|r| r.candidate).take(COMPARED).collect();
     let others = rivals.iter().filter(has_share);
     let others = others.map(|r| (Some(candidates[r.candidate].name()), of_rival(r) / total));
     MissingEffect {
         rivals: RivalProbability::likeliest(others.chain([(None, belief(before) / total)])),
         alike: alike.iter().map(|r| candidates[r.candidate].name()).collect(),
+        close,
         ..MissingEffect::of(winner.candidate, &candidates[winner.candidate], winning / total, gained)
     }
 }

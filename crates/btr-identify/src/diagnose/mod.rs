@@ -170,6 +170,8 @@ fn go_on(
         state.split(objective, |_, _| true, on_step);
     }
     if !objective.is_stopped() {
+        state.one_for_two(objective, on_step);
+        state.compare_again(objective, on_step);
         state.tell_apart(objective);
     }
     if !cut_short && !objective.is_stopped() {

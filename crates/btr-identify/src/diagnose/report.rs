@@ -183,6 +183,9 @@ pub struct MissingEffect {
     pub delta_bic: f64,
     /// Its parameters.
     pub parameters: Vec<Estimate>,
+    /// Indices of the candidates that did nearly as well when it was found, beside what was known then.
+    #[serde(skip)]
+    pub close: Vec<usize>,
     /// Index of the candidate.
     #[serde(skip)]
     pub candidate: usize,
@@ -202,6 +205,7 @@ impl MissingEffect {
             probability_cap: None,
             delta_bic,
             parameters: Vec::new(),
+            close: Vec::new(),
             candidate: index,
         }
     }
@@ -218,6 +222,22 @@ impl MissingEffect {
     pub(super) fn lower(&mut self, by: f64, reason: CapReason) {
         self.probability *= by;
         self.note_cap(by * self.probability_cap.as_ref().map_or(1.0, |cap| cap.at_most), reason);
+    }
+
+    /// Shares the probability with others, whose beliefs are given as multiples of its own.
+    pub(super) fn share_with(&mut self, others: Vec<(String, f64)>) {
+        let total: f64 = 1.0 + others.iter().map(|(_, belief)| belief).sum::<f64>();
+        self.probability = self.probability.min(1.0 / total);
+        let others = others.into_iter().map(|(name, belief)| (Some(name), belief / total));
+        let known = std::mem::take(&mut self.rivals).into_iter().map(|rival| (rival.name, rival.probability));
+        self.rivals = RivalProbability::likeliest(known.chain(others));
+    }
+
+    /// What another finding explained, this one explains in its place.
+    pub(super) fn take_over(&mut self, other: &MissingEffect) {
+        self.evidence.share += other.evidence.share;
+        self.evidence.learnt_share += other.evidence.learnt_share;
+        self.evidence.removed += other.evidence.removed;
     }
 
     fn note_cap(&mut self, at_most: f64, reason: CapReason) {

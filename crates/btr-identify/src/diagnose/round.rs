@@ -1,7 +1,7 @@
 //! One round of a diagnosis: which of the effects that are not chosen yet explains most of the remaining error, and
 //! whether it is accepted.
 
-use super::judge::judge_rivals;
+use super::judge::{FAR_MORE, judge_rivals};
 use super::own;
 use super::refit::{Rival, last_chance, last_chance_of_the_best, race};
 use super::report::{MissingEffect, SecondLooks};
@@ -70,7 +70,8 @@ fn attempt(
     if objective.description.is_decoupled {
         return with_other_joints(objective, state, judged, (&rivals, offered));
     }
-    if judged.is_some() || !leaves_much(objective, &rivals) || !second_looks.allow(objective) {
+    let is_good = judged.is_some() && !fails_elsewhere(state);
+    if is_good || !leaves_much(objective, &rivals) || !second_looks.allow(objective) {
         return judged.into_iter().collect();
     }
     let others = not_fitted(objective, &rivals, offered);
@@ -224,6 +225,13 @@ fn leaves_much(objective: &Objective, rivals: &[Rival]) -> bool {
     rivals
         .first()
         .is_some_and(|leader| chi(leader.fit.squares(), objective.samples(LogSet::Learn)) > objective.noise_bound())
+}
+
+/// Whether what was ranked first leaves far more on the held-out logs than on the training logs: it fits these, and
+/// something else may explain both.
+fn fails_elsewhere(state: &DiagnosisState) -> bool {
+    let first = state.rounds.last().and_then(|ranked| ranked.first());
+    first.is_some_and(|first| first.held_out.is_some_and(|held_out| held_out.powi(2) > FAR_MORE * first.train.powi(2)))
 }
 
 /// Whether the leader explains so much of the error that it is a step on the way, whatever it leaves.

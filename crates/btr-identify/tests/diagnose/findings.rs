@@ -148,8 +148,13 @@ const DECOYS: usize = 40;
 /// Many decoy effects that seem to explain more of the training logs than the lift does, and nothing of the held-out
 /// log, and the true effect: a lift of `size` typical sizes, whose response is nine times `response` of its size.
 fn among_decoys(size: f64, response: fn(f64) -> f64) -> SyntheticModel {
+    among_decoys_that_show(0.0, size, response)
+}
+
+/// The same with decoys of which this share shows in the held-out log.
+fn among_decoys_that_show(held_out: f64, size: f64, response: fn(f64) -> f64) -> SyntheticModel {
     let motion = move |u: &[f64], log: usize, t: f64, _: f64| {
-        let share = if log == 2 { 0.0 } else { 0.8 };
+        let share = if log == 2 { held_out } else { 0.8 };
         let other = |i: usize| share * swing(5.0, log, t) + swing(20.0 + i as f64, log, t);
         let lift = 9.0 * response(u[DECOYS + 1]) * swing(5.0, log, t);
         u[0] * swing(3.0, log, t) + (1..=DECOYS).map(|i| u[i] * other(i)).sum::<f64>() + lift
@@ -171,6 +176,12 @@ fn an_error_is_unexplained_only_after_all_candidates_were_fitted() {
             "contact: {contact}"
         );
     }
+}
+
+#[test]
+fn what_fits_the_training_logs_far_better_than_others_is_compared_with_all_candidates() {
+    let diagnosis = among_decoys_that_show(0.3, 30.0, |u| u / 30.0).diagnosis();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["lift"]));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The diagnosis of synthetic models, each with one difficulty of real ones.
 #![allow(clippy::unwrap_used)]
 
+mod again;
 mod findings;
 mod rivals;
 mod synthetic;

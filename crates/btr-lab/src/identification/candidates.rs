@@ -149,12 +149,16 @@ impl IdentificationProblem {
     }
 
     /// Sets the similar and nested candidates of each candidate at the same place: a joint is at the place of the link
-    /// that it moves, and the end of a link at that of those which it carries.
+    /// that it moves, the end of a link at that of those which it carries, and a base that is fixed at that of the
+    /// first link that moves.
     fn link_similar(&mut self) {
         let links = &self.model.robot.links;
+        let is_fixed = self.model.robot.base == Base::Fixed;
+        let first = self.model.robot.movable().next().map(|(index, _)| index).filter(|_| is_fixed);
         let link_at = |site: &str| {
             let (site, _) = instance(site);
-            links.iter().position(|link| link.joint.name == site || link.name == site)
+            let named = links.iter().position(|link| link.joint.name == site || link.name == site);
+            if site == "base" { first.or(named) } else { named }
         };
         let places: Vec<Option<usize>> = self.candidates.iter().map(|candidate| link_at(&candidate.site)).collect();
         let at_end = |a: usize| matches!(&self.changes[a], Change::Effect(effect) if effect.acts_at_end());

@@ -32,6 +32,8 @@ pub struct Diagnosed {
 /// generated robots with 2 to 7 joints, diagnosed without a limit, no right answer took more than five sixths of this.
 const USUAL_ROLLOUTS: usize = 850;
 const FEWEST_JOINTS: usize = 4;
+/// That number is for at most so many training logs: every point of a search simulates all of them.
+const USUAL_LOGS: usize = 4;
 /// Usual number of effects that a diagnosis may name; and for each joint of a prescribed motion, which is a question of
 /// its own: two frictions, a rotor, and one more.
 const USUAL_EFFECTS: usize = 3;
@@ -49,7 +51,8 @@ impl VerbInput {
         let joints = robot.movable().count().max(FEWEST_JOINTS);
         let usual = if robot.base == Base::Fixed {
             let effects = if robot.is_prescribed() { max_effects.min(USUAL_EFFECTS) } else { max_effects };
-            USUAL_ROLLOUTS.saturating_mul(joints * effects.max(1))
+            let logs = self.recordings.learn.len().max(USUAL_LOGS);
+            USUAL_ROLLOUTS.saturating_mul(joints * effects.max(1)).saturating_mul(logs) / USUAL_LOGS
         } else {
             usize::MAX
         };

@@ -1,6 +1,7 @@
 //! How findings are replaced: by a simpler effect that will do, or by one that could not be told from them before.
 
 mod alike;
+mod fewer;
 mod split;
 
 use crate::LadderStep;
@@ -254,12 +255,18 @@ impl DiagnosisState {
     }
 
     fn rename(&mut self, objective: &Objective, index: usize, rival: Rival, costs: f64) {
-        let (effect, found) = (&objective.candidates()[rival.candidate], &mut self.chosen[index]);
+        let candidates = objective.candidates();
+        let (effect, found) = (&candidates[rival.candidate], &mut self.chosen[index]);
         let before = format!("{}@{}", found.effect, found.site);
         found.alike.retain(|alike| *alike != effect.name());
         found.alike.push(before.clone());
         found.rivals.retain(|other| other.name.as_ref() != Some(&effect.name()));
         found.delta_bic -= costs;
+        // A law that the new one is part of leaves it its probability; any other one shares it.
+        if !candidates[found.candidate].nested.contains(&rival.candidate) {
+            let belief = (costs.min(0.0) / 2.0).exp();
+            found.share_with(vec![(before.clone(), belief)]);
+        }
         (found.effect, found.site, found.candidate) = (effect.effect.clone(), effect.site.clone(), rival.candidate);
         found.kind = effect.kind;
         self.fit = rival.fit;

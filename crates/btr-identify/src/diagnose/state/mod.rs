@@ -152,13 +152,9 @@ impl DiagnosisState {
             match needless {
                 Some(fit) => {
                     // What the earlier one explained, the latest explains in its place.
-                    let explained = self.chosen[index].evidence;
+                    let gone = self.chosen[index].clone();
                     self.drop_with(objective, index, fit);
-                    if let Some(latest) = self.chosen.last_mut() {
-                        latest.evidence.share += explained.share;
-                        latest.evidence.learnt_share += explained.learnt_share;
-                        latest.evidence.removed += explained.removed;
-                    }
+                    self.chosen.last_mut().into_iter().for_each(|latest| latest.take_over(&gone));
                 }
                 None => index += 1,
             }
@@ -195,9 +191,14 @@ impl DiagnosisState {
 
     /// Whether the latest finding can make a difference to one: not where they show in different channels.
     pub(super) fn may_depend_on_latest(&self, objective: &Objective, index: usize) -> bool {
-        let (Some(one), Some(latest)) = (self.chosen.get(index), self.chosen.last()) else { return false };
+        !self.chosen.is_empty() && self.may_depend_on(objective, index, self.chosen.len() - 1)
+    }
+
+    /// Whether one finding can make a difference to another: not where they show in different channels.
+    pub(super) fn may_depend_on(&self, objective: &Objective, index: usize, on: usize) -> bool {
+        let (Some(one), Some(other)) = (self.chosen.get(index), self.chosen.get(on)) else { return false };
         let apart = |found: &MissingEffect| own::is_apart(objective, found.candidate);
-        !apart(one) || !apart(latest) || own::are_together(objective, one.candidate, latest.candidate)
+        !apart(one) || !apart(other) || own::are_together(objective, one.candidate, other.candidate)
     }
 
     /// Drops a finding; `fit` is the fit without it.

@@ -156,6 +156,7 @@ impl<'a> CauseSearch<'a> {
             probability_cap: None,
             delta_bic: ExplanationCost::of(before).whole - cost.whole,
             parameters: Vec::new(),
+            close: Vec::new(),
             candidate: 0,
         })
     }
