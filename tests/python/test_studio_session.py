@@ -16,6 +16,7 @@ import numpy as np
 import btr
 from btr._studio import panels
 from btr._studio.candidates import candidates
+from btr._studio.replay import Errors
 from btr._studio.saved import Saved
 from btr._studio.session import PART_TAKES_S, Session
 from btr._studio.work import Cancelled, Latest
@@ -138,18 +139,30 @@ def test_what_is_added_can_be_removed_and_undone(arm: Session) -> None:
     assert arm.undo() is arm.history[0], "the first step stays"
 
 
-def test_a_model_has_the_errors_of_its_ladder(arm: Session) -> None:
-    during = []
+def test_the_errors_are_of_the_replays_whatever_was_asked(arm: Session) -> None:
+    def of_replays() -> Errors:
+        return arm.errors_of(arm.replays_of(arm.shown.model))
+
+    before, during = arm.errors(), []
+    with pytest.raises(Cancelled):
+        arm.diagnose(arm.cancel)
+    assert arm.errors() == before == of_replays()
     arm.diagnose(lambda: during.append(arm.errors()))
-    assert arm.errors() == arm.ladder[0][1:] and set(during) == {arm.errors()}
+    assert set(during) == {before} == {arm.errors()}
     for change in (arm.add, arm.preview):
         assert change([FRICTION]).fit is not None
-        assert arm.errors() == arm.ladder[-1][1:] == (arm.shown.fit.train, arm.shown.fit.held_out)
+        assert arm.errors() == of_replays() == pytest.approx(arm.ladder[-1][1:], rel=0.02)
         arm.undo()
+    assert arm.errors() == before
     arm.add([FRICTION])
     arm.set_values({"kp@yaw": 17.0})
-    learn, _ = arm.errors()
-    assert learn > arm.step.fit.train, "set by hand, the model is not the fitted one"
+    assert arm.errors() == of_replays() and arm.errors()[0] > arm.step.fit.train
+
+
+def test_the_page_says_what_each_error_is_of(diagnosed: Diagnosed) -> None:
+    assert "error of replays from the first readings" in panels.head("arm", "", *diagnosed.session.errors())
+    assert "those at the top are always of replays" in panels.ladder(diagnosed.session.ladder, "")
+    assert "those at the top" not in panels.ladder([], "fitting")
 
 
 def test_a_preview_changes_nothing_and_is_no_work_twice(arm: Session, monkeypatch: pytest.MonkeyPatch) -> None:

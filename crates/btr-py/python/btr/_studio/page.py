@@ -14,7 +14,8 @@ from btr._studio.cause import Candidates, Names, NextExperiment, Sliders
 from btr._studio.robot import Robot
 from btr._studio.saved import python, shell
 from btr._studio.server import Server
-from btr._studio.session import Session, Step
+from btr._studio.session import Session
+from btr._studio.step import Step
 from btr._studio.view import View
 from btr._studio.work import Cancelled, Latest
 
@@ -128,7 +129,7 @@ class Page:
         self._redraws.ask()
 
     def _diagnose(self) -> None:
-        self._session.diagnose(self._tell_diagnosis)
+        self._session.diagnose(self._tell)
         self._changed(self._session.step)
 
     def _previewed(self, names: Names) -> None:
@@ -198,11 +199,6 @@ class Page:
 
     def _tell(self) -> None:
         self._told.content = panels.ladder(list(self._session.ladder), self._status)
-
-    def _tell_diagnosis(self) -> None:
-        """Shows the ladder, and the errors that it begins with at the top as well."""
-        self._tell()
-        self._show_errors()
 
     def _busy(self, busy: bool) -> None:
         self._cancel.visible = busy

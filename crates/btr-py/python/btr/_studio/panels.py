@@ -22,6 +22,10 @@ SMALL = f"font-size:12px;line-height:1.45;{MUTED}"
 # viser's number beside a slider is too narrow for five digits.
 WIDER = "<style>.mantine-NumberInput-root{width:4.2rem!important}</style>"
 _MOST_FLOORS = 100.0
+OF_LADDER = (
+    "These errors are of the diagnosis or the fit, which estimates where each log begins; those at the top are always "
+    "of replays from the first readings."
+)
 
 
 def css(colour: Colour) -> str:
@@ -65,7 +69,8 @@ def head(model: str, step: str, learn: Union[float, None], held_out: Union[float
         for name, error in zip(names, (learn, held_out))
         if error is not None
     )
-    scale = f'<div style="{SMALL};text-align:right">error in noise floors; the mark is the noise itself</div>'
+    measure = "error of replays from the first readings, in noise floors; the mark is the noise itself"
+    scale = f'<div style="{SMALL};text-align:right">{measure}</div>'
     if tails:
         scale += f'<div style="{SMALL}">No log is named as held out: the last 30 % of each log are held out.</div>'
     return box(title + (rows + scale if rows else f'<div style="{SMALL}">no error in noise floors so far</div>'))
@@ -97,7 +102,8 @@ def ladder(steps: Ladder, status: str) -> str:
         beside = "" if held is None else f'<span style="{MUTED}"> / {_floors(held)} held out</span>'
         error = f"<b>{_floors(train)}</b>{beside}{_bar(train, colour_of(train))}"
         rows += f'<div style="margin-top:3px">{escape(name)} {error}</div>'
-    return box(f'{rows}<div style="{SMALL}">{escape(status)}</div>')
+    of = f'<div style="{SMALL}">{OF_LADDER}</div>' if steps else ""
+    return box(f'{rows}{of}<div style="{SMALL}">{escape(status)}</div>')
 
 
 def stopped(steps: Ladder) -> str:

@@ -18,6 +18,9 @@ TAIL = 0.3
 """Share at the end of each log that `diagnose` and `fit` hold out if no log is."""
 WHOLE = slice(None)
 
+Errors = tuple[Union[float, None], Union[float, None]]
+"""Errors on the training and on the held-out logs, in noise floors; None where there is none."""
+
 BASE = ("base_x", "base_y", "base_z", "base_qw", "base_qx", "base_qy", "base_qz")
 
 
@@ -96,6 +99,15 @@ def on_clock(run: Run, simulated: Log) -> Replay:
     """A simulation at the times of a run."""
     clock = simulated.clock_s
     return Replay(run, {channel: np.interp(run.clock_s, clock, values) for channel, values in simulated.items()})
+
+
+def learn_and_held_out(replays: Sequence[Replay], floors: dict[str, float]) -> Errors:
+    """Errors of replays of all runs in noise floors: over the training and over the held-out logs. Where no log is held
+    out, they are over the first 70 % and the last 30 % of each log."""
+    held = [replay for replay in replays if replay.run.held_out]
+    if not held:
+        return error(replays, floors, tail=False), error(replays, floors, tail=True)
+    return error([replay for replay in replays if not replay.run.held_out], floors), error(held, floors)
 
 
 def error(replays: Sequence[Replay], floors: dict[str, float], *, tail: Union[bool, None] = None) -> Union[float, None]:

@@ -7,31 +7,23 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Union
 
-from btr import _sources, _warnings
-from btr._btr import BtrError, Log
+from btr._btr import Log
 from btr._inputs import wrong
-from btr._sources import LogLike, Logs
+from btr._sources import LogLike
 from btr._studio.candidates import Candidate, candidates, plain
-from btr._studio.replay import Replay, Run, begun, error, replayed
+from btr._studio.reading import runs
+from btr._studio.replay import Errors, Replay, Run, begun, learn_and_held_out, replayed
 from btr._studio.saved import Journey, Saved, save
+from btr._studio.step import BY_HAND, PREVIEW, Ladder, Step
 from btr._studio.work import Batches, Cancelled
 from btr.documents import Dimension
 from btr.model import Model, loaded
-from btr.results import CompareResult, DiagnoseResult, FitResult
+from btr.results import CompareResult, DiagnoseResult
 from btr.verbs import Tell, compare, diagnose, fit
-
-Ladder = list[tuple[str, float, Union[float, None]]]
-"""Steps of the error ladder: what was done, and the errors on the training and held-out logs in noise floors."""
-
-Errors = tuple[Union[float, None], Union[float, None]]
-"""Errors on the training and on the held-out logs, in noise floors; None where there is none."""
-
-BY_HAND = "set by hand"
-PREVIEW = "preview: "
 
 PART_TAKES_S = 0.01
 """How long the beginning of a simulation may take that is shown before the whole."""
@@ -39,38 +31,6 @@ SHOWN_S = 1.0
 """How much of a simulation is shown after the time that is shown, at least."""
 MOST_OF_RUN = 0.7
 """Share of a run from which on the whole is simulated at once."""
-
-
-@dataclass
-class Step:
-    """A state of the model, to which `Session.undo` returns."""
-
-    label: str
-    """What was done."""
-    model: Model
-    """The model."""
-    added: tuple[str, ...] = ()
-    """Effects and values that were added to the first model, as `fit(add=...)` takes them."""
-    fit: Union[FitResult, None] = None
-    """The fit that this model comes from."""
-    by_hand: dict[str, float] = field(default_factory=dict)
-    """Values that were set since, by name."""
-    comparison: Union[CompareResult, None] = None
-    """The error of this model; None until `Session.compare`."""
-    replays: dict[int, Replay] = field(default_factory=dict)
-    """Simulations so far, by the number of the run."""
-    ladder: Ladder = field(default_factory=list)
-    """Steps of the diagnosis of this model, or of the fit that it comes from."""
-    diagnosis: Union[DiagnoseResult, None] = None
-    """What this model lacks; None until `Session.diagnose`."""
-
-    @property
-    def title(self) -> str:
-        """What the model is: what was added to the first one, and whether values were set since."""
-        added = " ".join(f"+ {name}" for name in self.added)
-        if self.label.startswith(PREVIEW):
-            return f"{PREVIEW}{added}"
-        return f"{added} {self.label}".strip() if self.label == BY_HAND else added or self.label
 
 
 class Session:
@@ -92,7 +52,7 @@ class Session:
         read; a single one is left out with a warning."""
         first = loaded(model)
         self.folder = Path(folder)
-        self.runs = [*_runs(first, logs, held_out=False), *_runs(first, held_out, held_out=True)]
+        self.runs = [*runs(first, logs, held_out=False), *runs(first, held_out, held_out=True)]
         if not any(not run.held_out for run in self.runs):
             raise wrong("no log is left to learn from", "name at least one log that can be read")
         self.history = [Step("model as it stands", first)]
@@ -215,34 +175,13 @@ class Session:
         return [replayed(model, run) for run in self.runs]
 
     def errors(self) -> Errors:
-        """Errors of the shown model: those of its diagnosis or fit, which stand in the ladder, or else of its replays;
-        see `errors_of`."""
-        known = self.told_errors
-        if known is not None:
-            return known
+        """Errors of the shown model, whatever was asked or fitted; see `errors_of`. Those of a ladder differ a little:
+        a diagnosis and a fit estimate where each log begins."""
         return self.errors_of([self.replay(number) for number in range(len(self.runs))])
 
-    @property
-    def told_errors(self) -> Union[Errors, None]:
-        """Errors of the shown model as its diagnosis, also one that runs, or its fit has them; None without either.
-        They differ a little from those of the replays, as a fit estimates where each log begins."""
-        step = self.shown
-        told = self._running if step is self._diagnosing else step.ladder if step.diagnosis is not None else []
-        if told:
-            _, learn, held_out = told[0]
-            return learn, held_out
-        return None if step.fit is None or step.by_hand else (step.fit.train, step.fit.held_out)
-
     def errors_of(self, replays: Sequence[Replay]) -> Errors:
-        """Errors of replays in noise floors, over the training and over the held-out logs, or what of each log is held
-        out; None before `compare`."""
-        if not self.floors:
-            return None, None
-        if self.holds_out_tails:
-            return error(replays, self.floors, tail=False), error(replays, self.floors, tail=True)
-        learn = [replay for replay in replays if not replay.run.held_out]
-        held = [replay for replay in replays if replay.run.held_out]
-        return error(learn, self.floors), error(held, self.floors)
+        """Errors of replays of all runs, in multiples of the noise floors of the first model; None before `compare`."""
+        return learn_and_held_out(replays, self.floors) if self.floors else (None, None)
 
     def compare(self) -> CompareResult:
         """Where the shown model fails, over all logs."""
@@ -401,18 +340,3 @@ class Session:
         finally:
             self._work = None
             self._one_at_a_time.release()
-
-
-def _runs(model: Model, logs: Union[LogLike, Iterable[LogLike], None], *, held_out: bool) -> Iterator[Run]:
-    """The logs of a call that can be read."""
-    for given in Logs(model._model).all(logs):
-        name, source = given if isinstance(given, tuple) else (None, given)
-        try:
-            log = _sources.read(source, None, model._model)
-        except BtrError as damage:
-            if not isinstance(source, Path) or not source.exists():
-                raise
-            _warnings.warn(f"left out: {damage}")
-            continue
-        path = str(source) if isinstance(source, Path) else None
-        yield Run(name or str(log.name), log, held_out, path)

@@ -1,0 +1,48 @@
+"""A state of the model, and what is known of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Union
+
+from btr._studio.replay import Replay
+from btr.model import Model
+from btr.results import CompareResult, DiagnoseResult, FitResult
+
+Ladder = list[tuple[str, float, Union[float, None]]]
+"""Steps of the error ladder: what was done, and the errors on the training and held-out logs in noise floors."""
+
+BY_HAND = "set by hand"
+PREVIEW = "preview: "
+
+
+@dataclass
+class Step:
+    """A state of the model, to which `Session.undo` returns."""
+
+    label: str
+    """What was done."""
+    model: Model
+    """The model."""
+    added: tuple[str, ...] = ()
+    """Effects and values that were added to the first model, as `fit(add=...)` takes them."""
+    fit: Union[FitResult, None] = None
+    """The fit that this model comes from."""
+    by_hand: dict[str, float] = field(default_factory=dict)
+    """Values that were set since, by name."""
+    comparison: Union[CompareResult, None] = None
+    """The error of this model; None until `Session.compare`."""
+    replays: dict[int, Replay] = field(default_factory=dict)
+    """Simulations so far, by the number of the run."""
+    ladder: Ladder = field(default_factory=list)
+    """Steps of the diagnosis of this model, or of the fit that it comes from."""
+    diagnosis: Union[DiagnoseResult, None] = None
+    """What this model lacks; None until `Session.diagnose`."""
+
+    @property
+    def title(self) -> str:
+        """What the model is: what was added to the first one, and whether values were set since."""
+        added = " ".join(f"+ {name}" for name in self.added)
+        if self.label.startswith(PREVIEW):
+            return f"{PREVIEW}{added}"
+        return f"{added} {self.label}".strip() if self.label == BY_HAND else added or self.label
