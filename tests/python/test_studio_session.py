@@ -85,6 +85,34 @@ def test_the_ladder_grows_while_the_cause_is_searched_for(diagnosed: Diagnosed) 
     assert diagnosed.session.batches is None, "nothing runs any more"
 
 
+def test_a_ladder_has_the_steps_that_were_not_told(arm: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    steps = [("model as it stands", 9.0), ("+ a@yaw", 1.1), ("b@yaw for a@yaw", 1.0)]
+    ladder = [SimpleNamespace(step=name, train=error, held_out=None) for name, error in steps]
+
+    def found(*_: object, tell: btr.verbs.Tell, **__: object) -> SimpleNamespace:
+        for name, error in steps[:2]:
+            tell(name, error, None)
+        return SimpleNamespace(verdict="nothing_missing", error_ladder=ladder)
+
+    monkeypatch.setattr("btr._studio.session.diagnose", found)
+    arm.diagnose()
+    assert arm.ladder == [(name, error, None) for name, error in steps]
+
+
+def test_suspects_have_the_order_of_the_ladder() -> None:
+    common = {"parameters": [], "alike": [], "probability": 0.9, "established": True, "rivals": []}
+    effects = [{**common, "effect": effect, "site": "yaw"} for effect in ("backlash", "coulomb_friction")]
+    estimate = {"name": "kp@yaw", "unit": "1", "value": 1.0, "ci95": None, "at_bound": False, "by_bounds": False}
+    value = {**common, "value": "kp", "site": "yaw", "parameters": [{**estimate, "in_model": 2.0}]}
+    steps = ("model as it stands", "+ kp@yaw", "+ asymmetric_friction@yaw", "+ backlash@yaw")
+    steps = (*steps, "coulomb_friction@yaw for asymmetric_friction@yaw")
+    ladder = [{"step": step, "train": 1.0, "held_out": None} for step in steps]
+    document = {"verdict": "effect_missing", "effects": effects, "wrong_values": [value], "ranking": []}
+    found = candidates(btr.DiagnoseResult({**document, "error_ladder": ladder}, None, None, None))
+    assert [each.title for each in found] == ["kp@yaw", "backlash@yaw", "coulomb_friction@yaw"]
+    assert found[1].beside == ("kp@yaw",)
+
+
 def test_cards_say_what_is_known_of_a_suspect(diagnosed: Diagnosed) -> None:
     first, *others = diagnosed.session.candidates
     assert first.names == (FRICTION,) and first.established and first.probability > 0.5
@@ -106,6 +134,7 @@ def test_a_value_that_is_wrong_is_a_suspect() -> None:
     report = {**value, "parameters": [{**estimate, "in_model": 0.7}]}
     other = {**report, "parameters": [{**estimate, "name": "mass@fore", "in_model": 0.6}]}
     document = {"verdict": "value_wrong", "effects": [], "wrong_values": [report, other], "ranking": []}
+    document["error_ladder"] = []
     card, second = candidates(btr.DiagnoseResult(document, None, None, None))
     assert "found beside mass@upper: add that first, or all" in panels.card(second)
     assert "found beside" not in panels.card(card)

@@ -18,7 +18,7 @@ from btr._studio.candidates import Candidate, candidates, plain
 from btr._studio.reading import runs
 from btr._studio.replay import Errors, Replay, Run, begun, learn_and_held_out, replayed
 from btr._studio.saved import Journey, Saved, save
-from btr._studio.step import BY_HAND, PREVIEW, Ladder, Step
+from btr._studio.step import BY_HAND, PREVIEW, Ladder, Step, ladder_of
 from btr._studio.work import Batches, Cancelled
 from btr.documents import Dimension
 from btr.model import Model, loaded
@@ -206,7 +206,7 @@ class Session:
             finally:
                 self._diagnosing = None
             work.must_go_on()
-            step.diagnosis, step.ladder = found, self._running
+            step.diagnosis, step.ladder = found, ladder_of(found)
             self.show_step()
         return self.candidates
 
@@ -302,7 +302,7 @@ class Session:
                 learn, held = self._logs()
                 found = fit(first, learn, held_out=held, add=added, tell=told, executor=self._executor(work))
                 work.must_go_on()
-                self._fits[added] = Step(label, found.model, added, found, ladder=self._running)
+                self._fits[added] = Step(label, found.model, added, found, ladder=ladder_of(found))
             return replace(self._fits[added], label=label)
 
     def _push(self, step: Step) -> Step:

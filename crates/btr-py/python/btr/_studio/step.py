@@ -46,3 +46,8 @@ class Step:
         if self.label.startswith(PREVIEW):
             return f"{PREVIEW}{added}"
         return f"{added} {self.label}".strip() if self.label == BY_HAND else added or self.label
+
+
+def ladder_of(found: Union[DiagnoseResult, FitResult]) -> Ladder:
+    """All steps of a result. A step by which one law takes the place of another is not told while it is computed."""
+    return [(step.step, step.train, step.held_out) for step in found.error_ladder]
