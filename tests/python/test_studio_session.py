@@ -15,7 +15,7 @@ import numpy as np
 
 import btr
 from btr._studio import panels
-from btr._studio.candidates import candidates
+from btr._studio.candidates import added, candidates, plain
 from btr._studio.replay import Errors
 from btr._studio.saved import Saved
 from btr._studio.session import PART_TAKES_S, Session
@@ -262,6 +262,18 @@ def test_what_was_added_is_no_suspect(arm: Session) -> None:
     assert arm.candidates and FRICTION not in [name for suspect in arm.candidates for name in suspect.names]
     (added,) = arm.added
     assert added.names == (FRICTION,) and "sign(dq)" in added.law
+
+
+def test_what_was_added_keeps_what_it_cannot_be_told_from(diagnosed: Diagnosed) -> None:
+    found, other = diagnosed.session.diagnosis, "presliding_friction@yaw"
+    ((likely,),) = [[rival for rival in found.effects[0].rivals if rival.name == other]]
+    (card,) = added([FRICTION], [found])
+    share = f"{100 * likely.probability:.0f} %"
+    assert f"cannot tell it from {other} (probability {share})" in panels.card(card)
+    (card,) = added([other], [found])
+    assert card.names == (other,) and f"cannot tell it from {FRICTION} (probability" in panels.card(card)
+    assert all(not card.alike for card in added([FRICTION, other], [found])), "no other one is left"
+    assert added([FRICTION], []) == [plain(FRICTION)] and added(["backlash@yaw"], [found])[0].alike == ()
 
 
 def test_the_page_tells_no_call_of_the_library(diagnosed: Diagnosed) -> None:

@@ -71,6 +71,28 @@ def _places(ladder: Sequence[LadderStep]) -> Callable[[Sequence[str]], int]:
     return lambda names: next((k for k, words in enumerate(came_in) if set(words) & set(names)), len(came_in))
 
 
+def added(names: Sequence[str], diagnoses: Sequence[DiagnoseResult]) -> list[Candidate]:
+    """What was added to a model, each by itself, with what it is alike by the last of the diagnoses that named it, or
+    something that it is alike."""
+    unclear = [suspect for found in reversed(diagnoses) for suspect in candidates(found) if suspect.alike]
+    return [_still_open(plain(name), unclear, names) for name in names]
+
+
+def _still_open(card: Candidate, suspects: Sequence[Candidate], added: Sequence[str]) -> Candidate:
+    """A card of something that was added, with what it cannot be told from; that is left out if it was added, too."""
+    (name,) = card.names
+    for suspect in suspects:
+        if name not in (*suspect.names, *suspect.alike):
+            continue
+        others = [*suspect.names, *suspect.alike] if name in suspect.alike else suspect.alike
+        likely = [*suspect.rivals]
+        if name in suspect.alike and suspect.probability is not None:
+            likely += [RivalProbability(name=other, probability=suspect.probability) for other in suspect.names]
+        alike = tuple(other for other in others if other not in added)
+        return replace(card, alike=alike, rivals=tuple(rival for rival in likely if rival.name in alike))
+    return card
+
+
 def plain(name: str) -> Candidate:
     """An effect or a value by its name alone."""
     law, shows = _law(name.partition("@")[0])

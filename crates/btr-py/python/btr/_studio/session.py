@@ -14,7 +14,7 @@ from typing import Union
 from btr._btr import Log
 from btr._inputs import wrong
 from btr._sources import LogLike
-from btr._studio.candidates import Candidate, candidates, plain
+from btr._studio.candidates import Candidate, added, candidates
 from btr._studio.reading import runs
 from btr._studio.replay import Errors, Replay, Run, begun, learn_and_held_out, replayed
 from btr._studio.saved import Journey, Saved, save
@@ -127,8 +127,8 @@ class Session:
 
     @property
     def added(self) -> list[Candidate]:
-        """What was added to the first model, each by itself."""
-        return [plain(name) for name in self.step.added]
+        """What was added to the first model, each by itself, with what the diagnoses so far cannot tell it from."""
+        return added(self.step.added, [step.diagnosis for step in self.history if step.diagnosis is not None])
 
     @property
     def at_bounds(self) -> list[tuple[Dimension, float]]:
