@@ -24,6 +24,7 @@ from btr._studio import panels
 from btr._studio import server as server_module
 from btr._studio.candidates import Candidate, plain
 from btr._studio.cause import Candidates, Sliders, reach, step_of
+from btr._studio.doubts import Doubts
 from btr._studio.failures import covered, place
 from btr._studio.player import Player
 from btr._studio.plots import Lines, extremes
@@ -140,6 +141,7 @@ def test_names_are_escaped() -> None:
         panels.verdict(HOSTILE, is_current=False),
         panels.no_experiment([HOSTILE]),
         panels.note(HOSTILE),
+        panels.doubts(Doubts(HOSTILE, [(HOSTILE, HOSTILE, HOSTILE)], [HOSTILE])),
         panels.regimes(comparison, [HOSTILE], HOSTILE, 0),
         panels.at_bounds([(SimpleNamespace(name=HOSTILE, unit=HOSTILE, min=0.0, max=1.0), 1.0)]),
         panels.commands(HOSTILE, HOSTILE),

@@ -282,6 +282,26 @@ def test_the_page_tells_no_call_of_the_library(diagnosed: Diagnosed) -> None:
     assert found._finding().startswith(f"missing: {FRICTION}")
 
 
+def test_doubts_are_those_of_the_logs_until_a_fit_explains_some(arm: Session, tmp_path: Path) -> None:
+    arm.check()
+    assert arm.doubts is not None and list(arm.doubts.findings) == [], "these logs are fine"
+    log = btr.load_log(ROBOTS / "arm/learn_1.csv")
+    late = np.concatenate([np.full(15, log["q_yaw"][0]), log["q_yaw"][:-15]])
+    session = Session(arm.model, btr.Log(log.clock_s, {**log.to_dict(), "q_yaw": late}), folder=tmp_path)
+    assert session.doubts is None
+    session.check()
+    checked = session.doubts.findings
+    late_by = next(sentence for *_, sentence in checked if "yaw follows its command after" in sentence)
+    assert ("doubtful", "log 1", late_by) in checked and all(severity != "fine" for severity, *_ in checked)
+    told = panels.doubts(session.doubts)
+    assert "doubtful, log 1:" in told and "late for a servo" in told and "before any fit" in told
+    fit = session.fit().fit
+    fit.doubts = [fit.doubts[0]]
+    assert len(session.doubts.findings) == 1 and "Of the fit" in session.doubts.of
+    session.set_values({"kp@yaw": 19.0})
+    assert session.doubts.findings == checked
+
+
 def test_rivals_without_an_experiment_are_told() -> None:
     told = pytest.importorskip("btr._studio.cause", reason="the studio needs viser").told_next
     effect = SimpleNamespace(alike=["backlash@yaw", "tilt@base"])

@@ -1,6 +1,6 @@
 //! Logs that would mislead: what is held, cut, told and refused before anything is concluded from them.
 
-use crate::lab::{Lab, text};
+use crate::lab::{Lab, noise, text};
 use serde_json::Value;
 use std::fmt::Write;
 
@@ -191,6 +191,28 @@ fn late_and_strange_joints_are_doubtful() {
         true
     });
     assert!(check(&lab, "swapped.csv").0.iter().any(|s| !s.starts_with("fine")));
+}
+
+/// The report lists as many findings as the terminal counts: without what the model explains.
+#[test]
+fn what_the_model_explains_is_no_doubt_in_the_report_either() {
+    let lab = lab();
+    lab.write("leg.toml", &MODEL.replace("kp = 15.0", "kp = 4.0").replace("kd = 0.6", "kd = 2.0"));
+    lab.ok("simulate leg.toml -q --log log.csv -o told.csv");
+    lab.edit("told.csv", "slow.csv", |k, cells| {
+        for column in [Q_HIP, Q_KNEE].into_iter().filter(|_| k > 0) {
+            let reading = cells[column].parse::<f64>().unwrap();
+            cells[column] = (reading + 0.0005 * noise(k as u32, column as f64)).to_string();
+        }
+        true
+    });
+    let doubtful = |said: &str| said.matches("late for a servo").count();
+    let checked = lab.ok("check leg.toml slow.csv");
+    assert!(doubtful(&checked) > 0, "{checked}");
+    let document = lab.json("fit leg.toml slow.csv --report report.html");
+    let (left, report) = (document["doubts"].as_array().unwrap().len(), lab.read("report.html"));
+    assert_eq!((left, doubtful(&report)), (0, 0), "{document}");
+    assert!(!report.contains("that may affect this result"), "{document}");
 }
 
 #[test]

@@ -28,7 +28,7 @@ pub fn diagnose(subject: &Subject, found: &DiagnoseReport, (u, step): (&[f64], T
     let sentence_of = |text: String| Block::Text(format!("{}.", text.replacen("at their", "At their", 1)));
     lead.extend(about_bounds(found).into_iter().map(sentence_of));
     lead.extend(removable(&found.without_effect).map(|sentence| Block::Text(sentence + ".")));
-    lead.extend(subject.reserve());
+    lead.extend(subject.reserve(&found.doubts));
     lead.extend(fit_command(found, subject).map(Block::Code));
     let mut sections = vec![Section { title: "Verdict".to_owned(), blocks: lead }];
     sections.extend(found.effects.iter().map(|effect| what_it_is(effect, found)));
@@ -41,7 +41,7 @@ pub fn diagnose(subject: &Subject, found: &DiagnoseReport, (u, step): (&[f64], T
     let (before_and_after, player) = subject.before_and_after(&stages);
     sections.extend(before_and_after);
     let integrator = integrator(found.integrator_error, found.time_step_s);
-    sections.push(fine_print(subject.input, &found.noise_floor, &integrator, found.rollouts));
+    sections.push(fine_print(&found.doubts, &found.noise_floor, &integrator, found.rollouts));
     Report { title: format!("{}: what is missing", subject.model()), sections, player }.html()
 }
 

@@ -18,7 +18,7 @@ use btr_lab::verbs::{BaseReport, ErrorUnit, FitReport};
 pub fn fit(subject: &Subject, found: &FitReport, reached: (&[f64], TimeStep)) -> String {
     let mut blocks = vec![Block::Lead(sentence(found)), subject.input_block()];
     blocks.extend(removable(&found.without_effect).map(|sentence| Block::Text(sentence + ".")));
-    blocks.extend(subject.reserve());
+    blocks.extend(subject.reserve(&found.doubts));
     let lead = Section { title: "Result".to_owned(), blocks };
     let mut ladder = fall(&found.error_ladder, ErrorUnit::of(&found.noise_floor));
     ladder.blocks.push(Block::Text(format!("The search ended because {}.", why(found.stop_reason))));
@@ -31,7 +31,7 @@ pub fn fit(subject: &Subject, found: &FitReport, reached: (&[f64], TimeStep)) ->
     let (before_and_after, player) = subject.before_and_after(&stages);
     sections.extend(before_and_after);
     let integrator = integrator(found.integrator_error, found.time_step_s);
-    sections.push(fine_print(subject.input, &found.noise_floor, &integrator, found.rollouts));
+    sections.push(fine_print(&found.doubts, &found.noise_floor, &integrator, found.rollouts));
     Report { title: format!("{}: fitted", subject.model()), sections, player }.html()
 }
 

@@ -8,7 +8,7 @@ use crate::plot::rows::{Pin, Row, RowScale, Rows, rows};
 use crate::table::{maybe, number};
 use crate::text::{given, left_out, line, reserve};
 use btr_identify::LadderStep;
-use btr_lab::verbs::{ErrorUnit, NoiseFloor, VerbInput};
+use btr_lab::verbs::{Doubt, ErrorUnit, NoiseFloor};
 use std::path::{Path, PathBuf};
 
 /// Axis label of errors.
@@ -40,10 +40,10 @@ impl Subject<'_> {
         ))
     }
 
-    /// Which logs were left out, reservations about the result, and what was known before.
-    pub(super) fn reserve(&self) -> impl Iterator<Item = Block> + use<> {
+    /// Which logs were left out, reservations about the result with these `doubts`, and what was known before.
+    pub(super) fn reserve(&self, doubts: &[Doubt]) -> impl Iterator<Item = Block> + use<> {
         let without = self.input.left_out.iter().map(left_out).collect::<Vec<_>>();
-        let sentences = reserve(&self.input.doubts, &self.input.not_judged);
+        let sentences = reserve(doubts, &self.input.not_judged);
         let known = given(&self.input.frozen, &self.input.with_prior());
         without.into_iter().chain(sentences).chain(known).map(Block::Text)
     }
@@ -118,8 +118,9 @@ pub(super) fn least(unit: ErrorUnit) -> (Ink, f64, String) {
     (Ink::Truth, 1.0, unit.name().to_owned())
 }
 
-/// Noise floors, the integrator's error, the number of rollouts, and findings about the logs.
-pub(super) fn fine_print(input: &VerbInput, floors: &[NoiseFloor], integrator: &str, rollouts: usize) -> Section {
+/// Noise floors, the integrator's error, the number of rollouts, and findings about the logs: those that the result
+/// counts, without what its model explains.
+pub(super) fn fine_print(doubts: &[Doubt], floors: &[NoiseFloor], integrator: &str, rollouts: usize) -> Section {
     let of_runs = ErrorUnit::of(floors) == ErrorUnit::Repeatability;
     let columns = ["channel", "noise floor", "unit"].into_iter().chain(of_runs.then_some("repeatability"));
     let header = columns.map(str::to_owned).collect();
@@ -129,7 +130,7 @@ pub(super) fn fine_print(input: &VerbInput, floors: &[NoiseFloor], integrator: &
     };
     let rows = floors.iter().map(row).collect();
     let spent = format!("The {integrator}. Simulated logs: {rollouts}.");
-    let doubts = (!input.doubts.is_empty()).then(|| Block::List(input.doubts.iter().map(line).collect()));
+    let doubts = (!doubts.is_empty()).then(|| Block::List(doubts.iter().map(line).collect()));
     let blocks = [Block::Table { header, rows }, Block::Text(spent)].into_iter().chain(doubts);
     Section { title: "Noise floors and doubts".to_owned(), blocks: blocks.collect() }
 }

@@ -114,6 +114,23 @@ def told_next(found: DiagnoseResult) -> str:
     return panels.no_experiment(list(dict.fromkeys(rivals))) if rivals else ""
 
 
+class LogDoubts:
+    """What is doubtful about the logs, folded; nothing where nothing is."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._place = server.gui.add_folder("Doubts about the logs", expand_by_default=False, visible=False)
+        with self._place:
+            self._told = server.gui.add_html("")
+
+    def load(self, session: Session) -> None:
+        """Shows the doubts that the session knows."""
+        found = session.doubts
+        self._place.visible = found is not None and bool(found.findings)
+        if found is not None:
+            self._place.label = f"Doubts about the logs ({len(found.findings)})"
+            self._told.content = panels.doubts(found)
+
+
 class Sliders:
     """One slider per free parameter."""
 

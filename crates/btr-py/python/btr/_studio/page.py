@@ -10,7 +10,7 @@ import viser
 
 from btr._btr import BtrError
 from btr._studio import panels
-from btr._studio.cause import Candidates, Names, NextExperiment, Sliders
+from btr._studio.cause import Candidates, LogDoubts, Names, NextExperiment, Sliders
 from btr._studio.robot import Robot
 from btr._studio.saved import python, shell
 from btr._studio.server import Server
@@ -34,6 +34,7 @@ class Page:
         self._lock = threading.Lock()
         self._job: threading.Thread | None = None
         self._status = ""
+        self._checks = threading.Thread(target=self._check, name="btr studio check", daemon=True)
         self._redraws = Latest(self._draw)
         self._comparisons = Latest(self._compare)
         server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(124, 58, 237))
@@ -42,6 +43,7 @@ class Page:
         self._place()
         server.guard.clicked = self._on_failure
         self._redraws.ask()
+        self._checks.start()
 
     def end(self) -> None:
         """Ends what runs, and the page's threads."""
@@ -49,8 +51,9 @@ class Page:
         self._view.player.end()
         self._redraws.end()
         self._comparisons.end()
-        if self._job is not None:
-            self._job.join(timeout=5.0)
+        for thread in (self._job, self._checks):
+            if thread is not None:
+                thread.join(timeout=5.0)
 
     def _place(self) -> None:
         """The cause to the right and the error to the left; one below the other where the newest window is narrow."""
@@ -75,6 +78,7 @@ class Page:
         self._cancel = gui.add_button("Cancel", color="red", icon=viser.Icon.X, visible=False)
         self._told = gui.add_html("")
         self._verdict = gui.add_html("")
+        self._doubts = LogDoubts(self._server)
         self._undo = gui.add_button("Undo", color="gray", icon=viser.Icon.ARROW_BACK_UP, disabled=True)
         self._candidates = Candidates(self._server, self._on_add, self._on_remove, self._on_preview)
         self._next = NextExperiment(self._server, self._on_motion, self._on_end)
@@ -222,6 +226,7 @@ class Page:
         found, is_current = self._session.diagnosis, self._session.is_diagnosed
         self._verdict.content = "" if found is None else panels.verdict(found._finding(), is_current=is_current)
         self._told.content = panels.ladder(list(self._session.ladder), "")
+        self._doubts.load(self._session)
         self._candidates.load(self._session)
         self._next.load(self._session)
 
@@ -252,6 +257,15 @@ class Page:
         except BtrError as error:
             self._told.content = panels.ladder(self._session.ladder, str(error))
         self._comparisons.ask()
+
+    def _check(self) -> None:
+        """Shows what is doubtful about the logs, before anything is asked."""
+        try:
+            self._session.check()
+        except BtrError:
+            # The comparison of the same logs tells why.
+            return
+        self._doubts.load(self._session)
 
     def _compare(self, is_stale: Callable[[], bool]) -> None:
         """Shows where the model fails, once nothing has changed for a while: this takes longer than a redraw."""

@@ -9,6 +9,7 @@ from typing import Union
 
 from btr._studio import failures
 from btr._studio.candidates import Candidate
+from btr._studio.doubts import Doubts
 from btr._studio.scene import BODY, GHOST, STEPS, Colour, colour_of
 from btr._studio.server import CLICKED, CLICKS
 from btr._tables import cell
@@ -239,6 +240,18 @@ def verdict(finding: str, *, is_current: bool) -> str:
     if is_current:
         return box(text, "font-weight:600")
     return box("This diagnosis is about an earlier model: ask again what is missing.") + box(text, SMALL)
+
+
+def doubts(found: Doubts) -> str:
+    """Doubts about the logs, the worst first."""
+    lines = "".join(
+        f'<div><span style="{MUTED}">{escape(severity)}, {escape(log)}:</span> {escape(sentence)}</div>'
+        for severity, log, sentence in found.findings
+    )
+    listed = f'<div style="max-height:260px;overflow-y:auto">{lines}</div>'
+    return box(f'<div style="{SMALL}">{escape(found.of)}</div>{listed}', "font-size:12px") + "".join(
+        map(note, found.remedies)
+    )
 
 
 def at_bounds(ended: Sequence[tuple[Dimension, float]]) -> str:

@@ -15,6 +15,7 @@ from btr._btr import Log
 from btr._inputs import wrong
 from btr._sources import LogLike
 from btr._studio.candidates import Candidate, added, candidates
+from btr._studio.doubts import Doubts, of_check, of_result
 from btr._studio.reading import runs
 from btr._studio.replay import Errors, Replay, Run, begun, learn_and_held_out, replayed
 from btr._studio.saved import Journey, Saved, save
@@ -23,7 +24,7 @@ from btr._studio.work import Batches, Cancelled
 from btr.documents import Dimension
 from btr.model import Model, loaded
 from btr.results import CompareResult, DiagnoseResult
-from btr.verbs import Tell, compare, diagnose, fit
+from btr.verbs import Tell, check, compare, diagnose, fit
 
 PART_TAKES_S = 0.01
 """How long the beginning of a simulation may take that is shown before the whole."""
@@ -64,6 +65,7 @@ class Session:
         """The next experiment as the diagnosed model does it; None while logs are shown."""
         self.stopped: Ladder = []
         """The steps of the work that was cancelled last, as far as it came."""
+        self._checked: Union[Doubts, None] = None
         self._took_s: dict[int, float] = {}
         self._fits: dict[tuple[str, ...], Step] = {}
         self._running: Ladder = []
@@ -182,6 +184,18 @@ class Session:
     def errors_of(self, replays: Sequence[Replay]) -> Errors:
         """Errors of replays of all runs, in multiples of the noise floors of the first model; None before `compare`."""
         return learn_and_held_out(replays, self.floors) if self.floors else (None, None)
+
+    def check(self) -> None:
+        """Checks the logs, for `doubts`."""
+        self._checked = of_check(check(self.history[0].model, [run.log for run in self.runs]))
+
+    @property
+    def doubts(self) -> Union[Doubts, None]:
+        """Doubts about the logs: those of the diagnosis or the fit of the shown model, or else those of `check`; None
+        before it."""
+        step = self.shown
+        found = step.diagnosis or (None if step.by_hand else step.fit)
+        return self._checked if found is None else of_result(found)
 
     def compare(self) -> CompareResult:
         """Where the shown model fails, over all logs."""
