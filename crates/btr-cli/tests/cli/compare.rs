@@ -188,7 +188,22 @@ fn late_is_said_where_a_shift_in_time_removes_most_of_the_error() {
     let fine = &lab(NONE).json("compare swing.toml log.csv")["verdict"];
     let said = fine["sentences"][0].as_str().unwrap();
     assert!(said.starts_with("every joint is within 1.02 x") && said.contains("nothing is left"), "{said}");
+    assert!(!said.contains("not white"), "{said}");
     assert!(fine["joints"][0]["sentence"].is_null() && fine["joints"][0]["cause"].is_null(), "{fine}");
+}
+
+/// The sentence and the column `white` of the table below it must not contradict each other.
+#[test]
+fn an_error_as_small_as_noise_that_is_not_white_is_told() {
+    let lab = lab("effect = \"coulomb_friction\"\ntorque = 0.006");
+    let document = lab.json("compare swing.toml log.csv");
+    let said = document["verdict"]["sentences"][0].as_str().unwrap();
+    let names = |white: bool| {
+        let channels = document["channels"].as_array().unwrap().iter();
+        channels.filter(|channel| channel["white"] == white).map(|c| c["name"].as_str().unwrap()).collect::<Vec<_>>()
+    };
+    assert!(said.contains("nothing is left to explain") && !names(false).is_empty(), "{document}");
+    assert!(names(false).iter().all(|name| said.contains(name)) && said.contains("not white"), "{said}");
 }
 
 #[test]

@@ -60,10 +60,23 @@ fn nothing_off(compared: &Compared, joints: &[JointVerdict]) -> String {
         );
     }
     match comparison.failures().first() {
-        None => format!("{within}: nothing is left to explain in these logs"),
+        None => format!("{within}: nothing is left to explain in these logs{}", but_patterns(&comparison.channels)),
         Some(cell) => {
             format!("{within}: little is left to explain, most of it in {} {}", cell.joint, cell.regime.words())
         }
+    }
+}
+
+/// The exception of channels whose error is as small as noise but does not look like it; empty without any.
+fn but_patterns(channels: &[ChannelError]) -> String {
+    let names: Vec<&str> = channels.iter().filter(|channel| !channel.white).map(|channel| &*channel.name).collect();
+    match names.as_slice() {
+        [] => String::new(),
+        [name] => format!(" but a faint pattern in {name}, which is not white"),
+        [first @ .., last] if names.len() <= NAMED => {
+            format!(" but faint patterns in {} and {last}, which are not white", first.join(", "))
+        }
+        many => format!(" but faint patterns in {} channels, which are not white", many.len()),
     }
 }
 
