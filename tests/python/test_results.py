@@ -267,3 +267,19 @@ def test_a_missing_library_is_named_with_how_to_get_it(library: str, extra: str,
     without = f"import sys, btr\nsys.modules[{library!r}] = None\nbtr.Log([0.0, 1.0], {{'q_a': [0.0, 1.0]}}).{use}"
     done = subprocess.run([sys.executable, "-c", without], capture_output=True, text=True, check=False)
     assert f"ImportError: this needs {library}: pip install 'btr[{extra}]'" in done.stderr, done.stderr
+
+
+def test_a_small_share_of_a_large_error_is_told_by_how_much_the_error_fell() -> None:
+    steps = ("model as it stands", 25.9), ("+ payload@hand", 1.34), ("+ asymmetric_friction@yaw", 1.02)
+    steps = (*steps, ("coulomb_friction@yaw for asymmetric_friction@yaw", 1.01))
+    ladder = [{"step": step, "train": error, "held_out": error + 0.1} for step, error in steps]
+    shares = {"payload": ("hand", 0.99), "coulomb_friction": ("yaw", 0.001)}
+    support = {"probability": 0.9, "established": True, "rivals": [], "alike": [], "parameters": []}
+    effects = [{**support, "effect": name, "site": site, "share": share} for name, (site, share) in shares.items()]
+    document = {"verdict": "effect_missing", "degree": "explained", "cut_short": False, "error_ladder": ladder}
+    document |= {"effects": effects}
+    payload, coulomb = btr.DiagnoseResult(document, None, None, None)._finding().splitlines()[1:]
+    above = "of the squared error above the noise"
+    assert payload.endswith(f"explains 99 % {above}")
+    fell = "the error fell from 1.34 to 1.01 noise floors (held out: from 1.44 to 1.11)"
+    assert coulomb.endswith(f"explains less than 1 % {above} that there was at first: {fell}")

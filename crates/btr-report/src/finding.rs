@@ -1,12 +1,13 @@
 //! What is said of a finding of a diagnosis.
 
 use crate::text::findings;
-use btr_identify::diagnose::thresholds::{CONSIDERABLE, STABLE};
+use btr_identify::diagnose::thresholds::{CONSIDERABLE, NEGLIGIBLE, STABLE};
 use btr_identify::diagnose::{CapReason, RivalProbability};
 use btr_lab::verbs::{DiagnoseReport, Support};
 
-/// What speaks for a finding besides its fit.
-pub fn evidence(support: &Support) -> String {
+/// What speaks for a finding besides its fit. `fell` says by how much the error fell with it, which is told where that
+/// is a small share of a much larger one.
+pub fn evidence(support: &Support, fell: Option<&str>) -> String {
     let Support { share, learnt_share, logs_better: [better, of], leave_one_out_change, in_own_channel, .. } = support;
     let in_channel = if *in_own_channel { " of its joint's torque" } else { "" };
     let of_error = format!("of the squared error{in_channel} above the noise");
@@ -16,12 +17,16 @@ pub fn evidence(support: &Support) -> String {
         Some(learnt) => format!("{learnt} {of_error} on the training logs, and {held_out} on the held-out logs"),
         None => format!("{held_out} {of_error}"),
     };
+    let little = share.max(learnt_share.unwrap_or(0.0)) < NEGLIGIBLE;
+    let first = fell
+        .filter(|_| little)
+        .map_or_else(String::new, |fell| format!(" that there was at first: the error fell {fell}"));
     let hardly = if learnt_share.is_some_and(|learnt| *share < CONSIDERABLE && learnt > CONSIDERABLE) {
         ", which hardly show it"
     } else {
         ""
     };
-    let mut by = format!("it explains {explains}{hardly}; the error falls in {better} of {of} logs");
+    let mut by = format!("it explains {explains}{first}{hardly}; the error falls in {better} of {of} logs");
     if let (Some(change), Some(log)) = (leave_one_out_change, &support.leave_one_out_log) {
         let percent = (100.0 * change).ceil();
         by += &match change {
@@ -130,7 +135,7 @@ mod tests {
     #[test]
     fn each_share_says_of_which_logs_it_is() {
         let stable = "the error falls in 3 of 3 logs; leaving out any one training log changes its size by at most 2 %";
-        let said = |share, learnt_share| evidence(&support(share, learnt_share));
+        let said = |share, learnt_share| evidence(&support(share, learnt_share), Some("from 1.34 to 1.01"));
         let of = "of the squared error above the noise";
         assert_eq!(said(0.97, None), format!("it explains 97 % {of}; {stable}"));
         assert_eq!(
@@ -139,6 +144,8 @@ mod tests {
         );
         let hardly = "and less than 1 % on the held-out logs, which hardly show it";
         assert_eq!(said(0.002, Some(0.96)), format!("it explains 96 % {of} on the training logs, {hardly}; {stable}"));
+        let fell = "that there was at first: the error fell from 1.34 to 1.01";
+        assert_eq!(said(0.001, None), format!("it explains less than 1 % {of} {fell}; {stable}"));
     }
 
     #[test]
@@ -152,9 +159,9 @@ mod tests {
         let why = "at most 0.90: its size changes by more than half without learn_1.csv";
         assert_eq!(capped(&unstable).as_deref(), Some(why));
         assert!(
-            evidence(&unstable).ends_with("; without learn_1.csv, its size changes by 70 %"),
+            evidence(&unstable, None).ends_with("; without learn_1.csv, its size changes by 70 %"),
             "{}",
-            evidence(&unstable)
+            evidence(&unstable, None)
         );
         // What rivals leave of it is no bound.
         assert_eq!(likelihood(&Support { probability: 0.5, ..unstable }), "0.50");

@@ -3,6 +3,7 @@
 pub mod base_parameters;
 mod best_test;
 pub mod bounds;
+pub mod fell;
 pub mod figures;
 pub mod finding;
 pub mod html;

@@ -18,6 +18,7 @@ use btr_lab::output::{OutputKind, Overwrite, guard, inputs};
 use btr_lab::verbs;
 use btr_lab::verbs::{DiagnoseReport, Support, VerbInput};
 use btr_report::Subject;
+use btr_report::fell::fell;
 use btr_report::finding::{PROBABILITY, capped, evidence, helps, likelihood, rivals};
 use btr_report::html;
 use btr_report::table::{Table, number};
@@ -178,13 +179,15 @@ fn show(report: &DiagnoseReport, args: &DiagnoseArgs, subject: &Subject, interru
 /// What was found, with its evidence and its values.
 fn found(report: &DiagnoseReport) {
     for effect in &report.effects {
-        finding(&format!("{}@{}", effect.effect, effect.site), &effect.support);
+        let fell = fell(report, &effect.names());
+        finding(&format!("{}@{}", effect.effect, effect.site), &effect.support, fell.as_deref());
         let mut values = Table::new(&btr_report::text::ESTIMATES);
         effect.parameters.iter().for_each(|estimate| values.row(btr_report::text::estimate(estimate)));
         table(&values);
     }
     for value in &report.wrong_values {
-        finding(&format!("{} of {}", value.value, value.site), &value.support);
+        let fell = fell(report, &[format!("{}@{}", value.value, value.site)]);
+        finding(&format!("{} of {}", value.value, value.site), &value.support, fell.as_deref());
         let mut values = Table::new(&btr_report::text::CORRECTED);
         value.parameters.iter().for_each(|corrected| values.row(btr_report::text::corrected(corrected)));
         table(&values);
@@ -209,7 +212,7 @@ fn stopped(report: &DiagnoseReport, args: &DiagnoseArgs, interrupted: bool) -> S
 }
 
 /// A finding and what speaks for it.
-fn finding(name: &str, support: &Support) {
+fn finding(name: &str, support: &Support, fell: Option<&str>) {
     let (sure, delta) = (likelihood(support), number(support.delta_bic));
     say(Tone::Lead, &format!("\n{name}   probability {sure}   delta BIC {delta}"));
     if !support.alike.is_empty() {
@@ -217,7 +220,7 @@ fn finding(name: &str, support: &Support) {
     }
     capped(support).iter().for_each(|why| say(Tone::Doubtful, &format!("  {why}")));
     rivals(support).iter().for_each(|who| say(Tone::Plain, &format!("  {who}")));
-    say(Tone::Plain, &format!("  {}", evidence(support)));
+    say(Tone::Plain, &format!("  {}", evidence(support, fell)));
 }
 
 fn sentence(report: &DiagnoseReport) -> String {

@@ -6,6 +6,7 @@ use super::page::{Block, Report, Section};
 use super::stages::Stages;
 use crate::Subject;
 use crate::bounds::about_bounds;
+use crate::fell::fell;
 use crate::finding::{capped, evidence, helps, likelihood, rivals};
 use crate::plot::{Ink, Mark, Panel, Series, figure};
 use crate::table::number;
@@ -117,12 +118,12 @@ fn sentence(found: &DiagnoseReport) -> String {
 }
 
 /// What speaks for a finding.
-fn support(support: &Support) -> String {
+fn support(support: &Support, fell: Option<&str>) -> String {
     let alike = match support.alike.as_slice() {
         [] => "Nothing else that was fitted explains these logs about as well.".to_owned(),
         alike => format!("These logs cannot tell it from {}.", alike.join(", ")),
     };
-    let (delta, why) = (number(support.delta_bic), evidence(support));
+    let (delta, why) = (number(support.delta_bic), evidence(support, fell));
     let rest = rivals(support).map_or_else(String::new, |rest| format!("{rest}; "));
     let reasons = capped(support).map_or_else(String::new, |capped| format!(" ({capped})"));
     let sure = likelihood(support);
@@ -135,7 +136,7 @@ fn what_it_is(effect: &EffectReport, found: &DiagnoseReport) -> Section {
         header: ESTIMATES.map(str::to_owned).to_vec(),
         rows: effect.parameters.iter().map(estimate).collect(),
     };
-    let mut blocks = vec![Block::Text(support(&effect.support)), parameters];
+    let mut blocks = vec![Block::Text(support(&effect.support, fell(found, &effect.names()).as_deref())), parameters];
     blocks.extend(withheld(effect.parameters.iter(), found));
     if let Some(spec) = effects::find(&effect.effect).map(|effect| effect.spec()) {
         let lines = [("Law", spec.law), ("How it shows", spec.symptom), ("Source", spec.cite)];
@@ -165,7 +166,10 @@ fn what_is_wrong(value: &ValueReport, found: &DiagnoseReport) -> Section {
         header: CORRECTED.map(str::to_owned).to_vec(),
         rows: value.parameters.iter().map(corrected).collect(),
     };
-    let mut blocks = vec![Block::Text(support(&value.support)), parameters];
+    let mut blocks = vec![
+        Block::Text(support(&value.support, fell(found, &[format!("{}@{}", value.value, value.site)]).as_deref())),
+        parameters,
+    ];
     blocks.extend(value.parameters.iter().filter_map(remedy).map(|remedy| Block::Text(format!("{remedy}."))));
     blocks.extend(withheld(value.parameters.iter().map(|value| &value.estimate), found));
     Section { title: format!("{} of {}", value.value, value.site), blocks }

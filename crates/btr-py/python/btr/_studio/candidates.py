@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Union
 
 from btr._btr import BtrError
 from btr._tables import cell
-from btr.documents import EffectReport, Estimate, LadderStep, RankedCandidate, RivalProbability, ValueReport
+from btr.documents import EffectReport, Estimate, RankedCandidate, RivalProbability, ValueReport
 from btr.documents._common import interval
 from btr.results import DiagnoseResult
 from btr.results._effects import names_of
+from btr.results._ladder import entered
 from btr.verbs import effects
 
 MOST_OTHERS = 4
@@ -53,22 +54,17 @@ def candidates(found: DiagnoseResult) -> list[Candidate]:
     beside. None if nothing is missing."""
     if found.verdict == "nothing_missing":
         return []
-    places = _places(found.error_ladder)
-    effects_found = [(places(names_of([effect])), _effect(effect)) for effect in found.effects]
-    values_found = [(places([f"{value.value}@{value.site}"]), _value(value)) for value in found.wrong_values]
-    named = [candidate for _, candidate in sorted(effects_found + values_found, key=lambda each: each[0])]
-    named = [replace(each, beside=tuple(before.title for before in named[:k])) for k, each in enumerate(named)]
+    suspects = [(names_of([effect]), _effect(effect)) for effect in found.effects]
+    suspects += [([f"{value.value}@{value.site}"], _value(value)) for value in found.wrong_values]
+    ladder = found.error_ladder
+    suspects.sort(key=lambda each: entered(ladder, each[0]) or len(ladder))
+    titles = [candidate.title for _, candidate in suspects]
+    named = [replace(candidate, beside=tuple(titles[:k])) for k, (_, candidate) in enumerate(suspects)]
     known = {name for candidate in named for name in candidate.names}
     others = [ranked for ranks in found.ranking[:1] for ranked in ranks if ranked.name not in known]
     supports = [*found.effects, *found.wrong_values]
     likely = {rival.name: rival.probability for support in supports for rival in support.rivals}
     return named + [_other(ranked, likely) for ranked in others[:MOST_OTHERS]]
-
-
-def _places(ladder: Sequence[LadderStep]) -> Callable[[Sequence[str]], int]:
-    """Where in a ladder one of some names came in: the number of the step; the end where none did."""
-    came_in = [step.step.partition(" for ")[0].split() for step in ladder]
-    return lambda names: next((k for k, words in enumerate(came_in) if set(words) & set(names)), len(came_in))
 
 
 def added(names: Sequence[str], diagnoses: Sequence[DiagnoseResult]) -> list[Candidate]:

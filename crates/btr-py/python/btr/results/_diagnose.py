@@ -11,12 +11,16 @@ from btr._tables import Rows, cell
 from btr.documents._common import interval
 from btr.results._base import Reported
 from btr.results._effects import names_of, removable
+from btr.results._ladder import fell
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from btr.model import Model
+
+_LITTLE = 0.01
+"""Share of the squared error below which it is told by how much the error fell."""
 
 
 class DiagnoseResult(Reported):
@@ -135,7 +139,7 @@ class DiagnoseResult(Reported):
         found += [(f"{value.value}@{value.site}", value.alike) for value in self.wrong_values]
         alike = [f"\nthese logs cannot tell {name} from {', '.join(others)}" for name, others in found if others]
         corrected = [p for value in self.wrong_values for p in value.parameters]
-        estimates = [line for effect in self.effects for line in _estimates(effect)]
+        estimates = [line for effect in self.effects for line in _estimates(effect, self.error_ladder)]
         lines = [
             f"\n{p.name}: {p.value:.4g} {p.unit} in the logs (95 %: {interval(p)}), {p.in_model:.4g} in the model"
             for p in corrected
@@ -174,20 +178,37 @@ class DiagnoseResult(Reported):
         return plots.diagnose(self, ax)
 
 
-def _estimates(effect: doc.EffectReport) -> list[str]:
+def _estimates(effect: doc.EffectReport, ladder: list[doc.LadderStep]) -> list[str]:
     """What speaks for an effect, and its estimates, one line each."""
     name, error = ", ".join(names_of([effect])), "of the squared error above the noise"
-    shares = f"{100 * effect.share:.0f} % {error}"
+    shares = f"{_percent(effect.share)} {error}"
     if effect.learnt_share is not None:
-        learnt = f"{100 * effect.learnt_share:.0f} % {error} on the training logs"
-        shares = f"{learnt}, {100 * effect.share:.0f} % on held-out logs"
-    of = f"probability {_probability(effect)}, explains {shares}"
+        learnt = f"{_percent(effect.learnt_share)} {error} on the training logs"
+        shares = f"{learnt}, {_percent(effect.share)} on held-out logs"
+    of = f"probability {_probability(effect)}, explains {shares}{_fall(effect, ladder)}"
     rest = [f"{rival.name or 'the model without it'} {cell(rival.probability)}" for rival in effect.rivals]
     return (
         [f"\n{name}: {of}"]
         + ([f"\n  the rest of the probability: {', '.join(rest)}"] if rest else [])
         + [f"\n  {p.name} = {cell(p.value)} {p.unit} (95 %: {interval(p)})" for p in effect.parameters]
     )
+
+
+def _percent(share: float) -> str:
+    return "less than 1 %" if 0 < share < 0.005 else f"{100 * share:.0f} %"
+
+
+def _fall(effect: doc.EffectReport, ladder: list[doc.LadderStep]) -> str:
+    """By how much the error fell with an effect whose share is small: that is one of the error at first, which may have
+    been large."""
+    steps = fell(ladder, names_of([effect]))
+    if steps is None or max(effect.share, effect.learnt_share or 0.0) >= _LITTLE:
+        return ""
+    before, after = steps
+    known = before.held_out is not None and after.held_out is not None
+    held_out = f" (held out: from {before.held_out:.2f} to {after.held_out:.2f})" if known else ""
+    learnt = f"from {before.train:.2f} to {after.train:.2f} noise floors"
+    return f" that there was at first: the error fell {learnt}{held_out}"
 
 
 def _probability(support: doc.Support) -> str:
