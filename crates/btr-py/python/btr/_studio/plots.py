@@ -15,6 +15,8 @@ MOST_SAMPLES = 4000
 """Of a plot at rest, which may be magnified."""
 MOVING_SAMPLES = 800
 """Of a plot that changes: more than it has pixels."""
+CURSOR_PARTS = 200
+"""Of the width of a plot, the cursor takes one such part at least."""
 NOISE_BAND = 2.0
 """Half width of the noise band, in noise floors."""
 
@@ -99,9 +101,12 @@ def extremes(values: Series, most: int) -> NDArray[np.intp]:
 
 
 def with_cursor(clock: Series, lines: list[Series], sample: int) -> tuple[Series, ...]:
-    """The lines, and one that rises from the bottom to the top at a sample: uPlot's own cursor is the mouse's."""
+    """The lines, and one that rises from the bottom to the top at a sample: uPlot's own cursor is the mouse's. uPlot
+    draws nothing of a line that is less than a pixel wide between gaps, so this one goes up and down over a few dense
+    samples."""
     rises = np.full(len(clock), np.nan)
-    rises[sample : sample + 2] = (0.0, 1.0)[: len(rises[sample : sample + 2])]
+    wide = max(2, len(clock) // CURSOR_PARTS)
+    rises[sample : sample + wide] = (np.arange(wide) % 2)[: len(clock) - sample]
     return (clock, *lines, rises)
 
 
