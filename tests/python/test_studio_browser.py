@@ -130,6 +130,7 @@ def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_p
     page.get_by_role("button", name=f"Remove {FRICTION}", exact=True).wait_for()
     page.get_by_text("every joint is within").wait_for()
     assert max(errors(page)) < 1.2
+    page.get_by_text(re.compile(f"^Added {FRICTION}: the error went from .* noise floors")).wait_for()
     earlier.wait_for()
     assert weight(missing) == "400"
     page.get_by_role("button", name="What is missing?").click()
@@ -141,11 +142,14 @@ def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_p
     page.get_by_text("saved:").wait_for()
     assert "coulomb_friction.torque@yaw" in btr.load_model(tmp_path / "arm-studio.toml").values
     assert (tmp_path / "arm-studio.html").exists()
+    page.get_by_text("Saved as arm-studio.toml, with 3 files beside it.").wait_for()
 
     page.get_by_role("button", name="Undo", exact=True).click()
     page.get_by_text("x the noise floor (").first.wait_for()
     assert min(errors(page)) > 5.0
     missing.wait_for()
+    assert page.get_by_text("saved:").count() == 0, "this is another model"
+    page.get_by_text("Undone. The model now: model as it stands.").wait_for()
     assert weight(missing) == "600" and earlier.count() == page.get_by_text("nothing is missing").count() == 0
 
     page.get_by_role("button", name=f"Preview {FRICTION}", exact=True).click()

@@ -23,9 +23,10 @@ import btr
 from btr._studio import panels
 from btr._studio import server as server_module
 from btr._studio.candidates import Candidate, plain
-from btr._studio.cause import Candidates, Sliders, reach, step_of
+from btr._studio.cause import Candidates
 from btr._studio.doubts import Doubts
 from btr._studio.failures import covered, place
+from btr._studio.notices import Notices
 from btr._studio.player import Player
 from btr._studio.plots import Lines, extremes
 from btr._studio.replay import Replay, Run, error
@@ -33,6 +34,7 @@ from btr._studio.robot import parsed, robot_of
 from btr._studio.scene import STEPS, Figure, Scene, colour_of
 from btr._studio.server import Server, serve
 from btr._studio.session import Session
+from btr._studio.sliders import Sliders, reach, step_of
 from btr._studio.view import labels
 
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -296,10 +298,51 @@ def test_sliders_have_fine_steps_and_show_them(served: tuple[Server, str]) -> No
         assert 1000 <= (high - low) / step_of(low, high) <= 20_001
     model = btr.load_model(ROBOTS / "arm.toml").add("coulomb_friction@yaw")
     session = Session(model.at({"coulomb_friction.torque@yaw": 0.25764, "kp@yaw": 18.9926}), ROBOTS / "arm/learn_1.csv")
-    sliders = Sliders(served[0], lambda *_: None)
+    sliders = Sliders(served[0], lambda *_: None, print)
     sliders.load(session)
     shown = {name: slider.value for name, slider in sliders.sliders.items()}
     assert shown["coulomb_friction.torque@yaw"] == 0.2576 and shown["kp@yaw"] == 18.993
+
+
+def test_a_value_typed_beyond_its_bounds_is_told_once_typing_ends(
+    served: tuple[Server, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("btr._studio.sliders.TYPED_S", 0.05)
+    told: queue.Queue[str] = queue.Queue()
+    values: list[float] = []
+    sliders = Sliders(served[0], lambda _, value: values.append(value), told.put)
+    sliders.load(Session(ROBOTS / "arm.toml", ROBOTS / "arm/learn_1.csv"))
+    slider = sliders.sliders["kp@yaw"]
+    (moved,) = slider._impl.update_cb
+
+    def typed(*numbers: float) -> None:
+        for number in numbers:
+            slider._impl.value = number
+            moved(SimpleNamespace(client=object()))
+
+    typed(9.0, 99.0, slider.max)
+    assert told.get(timeout=5.0) == "kp@yaw: 99 is beyond its bounds, 17 to 23.6 N·m/rad. It is set to 23.6."
+    assert values == [17.0, slider.max, slider.max] and slider.value == pytest.approx(23.6)
+    typed(1.0, 18.0, 18.5)
+    with pytest.raises(queue.Empty):
+        told.get(timeout=0.3)
+    assert values[-1] == 18.5
+
+
+def test_one_notice_is_shown_at_a_time() -> None:
+    client, server = MagicMock(), MagicMock()
+    client.add_notification.side_effect = lambda *_, **__: MagicMock()
+    server.get_clients.return_value = {0: client}
+    notices = Notices(server)
+    notices.running("fitting, 1 s")
+    notices.running("fitting, 2 s")
+    (running,) = notices._shown
+    assert client.add_notification.call_count == 1 and running.body == "fitting, 2 s"
+    notices.done("Fitted")
+    running.remove.assert_called_once()
+    assert client.add_notification.call_args.args[1] == "Fitted"
+    notices.running("saving, 1 s")
+    assert client.add_notification.call_count == 3
 
 
 def test_colours_grow_with_the_error() -> None:

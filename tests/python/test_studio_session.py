@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,6 +20,7 @@ from btr._studio.candidates import added, candidates, plain
 from btr._studio.replay import Errors
 from btr._studio.saved import Saved
 from btr._studio.session import PART_TAKES_S, Session
+from btr._studio.step import Step
 from btr._studio.work import Cancelled, Latest
 
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -148,8 +150,8 @@ def test_a_fit_tells_what_ended_at_a_bound(arm: Session) -> None:
     arm.fit()
     told = panels.at_bounds(arm.at_bounds)
     assert "kd@yaw ended at its upper bound, 0.59 N·m·s/rad; the best value may lie beyond it" in told
-    arm.set_values({"kd@yaw": 0.5})
-    assert "kd@yaw" not in panels.at_bounds(arm.at_bounds)
+    arm.set_values({"kp@yaw": 19.0})
+    assert panels.at_bounds(arm.at_bounds) == "", "this is no longer the model of the fit"
     known = {"name": "backlash.gap@yaw", "unit": "rad", "min": 0.0, "max": 0.1, "scale": "linear", "nominal": 0.0}
     told = panels.at_bounds([(btr.documents.Dimension(known), 0.0)])
     assert "backlash.gap@yaw ended at its lower bound, 0 rad<" in told
@@ -300,6 +302,19 @@ def test_doubts_are_those_of_the_logs_until_a_fit_explains_some(arm: Session, tm
     assert len(session.doubts.findings) == 1 and "Of the fit" in session.doubts.of
     session.set_values({"kp@yaw": 19.0})
     assert session.doubts.findings == checked
+
+
+def test_what_was_done_is_told_with_the_change_of_the_error(diagnosed: Diagnosed) -> None:
+    notices = pytest.importorskip("btr._studio.notices", reason="the studio needs viser")
+    model, before, after = diagnosed.session.model, (20.4, 21.3), (1.02, 0.999)
+    fell = "from 20.4 to 1.02 noise floors (held out: from 21.3 to 1.00)"
+    step = Step(f"+ {FRICTION}", model)
+    assert notices.changed(step, before, after) == f"Added {FRICTION}: the error went {fell}."
+    removed = notices.changed(replace(step, label="- a@b"), after, before)
+    assert removed.startswith("Removed a@b: the error went from 1.02")
+    assert notices.changed(replace(step, label="fitted"), before, after).startswith("Fitted: ")
+    assert notices.previewed(["a@b"], before, after) == f"Preview of a@b: the error would go {fell}. Nothing is added."
+    assert notices.diagnosed(diagnosed.session.diagnosis) == f"Diagnosis done: effect missing ({FRICTION})."
 
 
 def test_rivals_without_an_experiment_are_told() -> None:

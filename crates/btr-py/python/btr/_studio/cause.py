@@ -1,9 +1,8 @@
-"""The panel of the cause: what is missing, what was added, values to try, and what is saved."""
+"""The panel of the cause: what is missing, what was added, what is doubtful, and what would tell suspects apart."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import viser
@@ -11,13 +10,9 @@ import viser
 from btr._studio import panels
 from btr._studio.candidates import Candidate
 from btr._studio.session import Session
-from btr.documents import Dimension
 from btr.results import DiagnoseResult
 
 Names = Sequence[str]
-
-FEWEST_STEPS = 2000
-PREVIEWED = "values without the preview; changing one ends the preview"
 
 
 class Candidates:
@@ -129,69 +124,3 @@ class LogDoubts:
         if found is not None:
             self._place.label = f"Doubts about the logs ({len(found.findings)})"
             self._told.content = panels.doubts(found)
-
-
-class Sliders:
-    """One slider per free parameter."""
-
-    def __init__(self, server: viser.ViserServer, change: Callable[[str, float], None]) -> None:
-        self._gui, self._change = server.gui, change
-        self._place = self._gui.add_folder("Free parameters")
-        with self._place:
-            self._preview = self._gui.add_html(panels.note(PREVIEWED), visible=False)
-        self.sliders: dict[str, Any] = {}
-        """The sliders by the parameter's name."""
-
-    def load(self, session: Session) -> None:
-        """Shows the parameters of the present model at their values."""
-        self.tell(session)
-        self._load(session.model.parameters, session.model.values)
-
-    def tell(self, session: Session) -> None:
-        """Says whether a preview is shown, whose values these are not."""
-        self._preview.visible = session.previewed is not None
-
-    def _load(self, parameters: Sequence[Dimension], values: Mapping[str, float]) -> None:
-        for name in [name for name in self.sliders if name not in values]:
-            self.sliders.pop(name).remove()
-        for dim in parameters:
-            value, slider = values[dim.name], self.sliders.get(dim.name)
-            if slider is not None and slider.min <= value <= slider.max:
-                slider.value = _rounded(value, slider)
-                continue
-            if slider is not None:
-                slider.remove()
-            with self._place:
-                self.sliders[dim.name] = self._slider(dim, value)
-
-    def _slider(self, dim: Dimension, value: float) -> Any:
-        low, high = reach(dim, value)
-        unit = "" if dim.unit == "1" else f" ({dim.unit})"
-        slider: Any = self._gui.add_slider(f"{dim.name}{unit}", low, high, step_of(low, high), value)
-        slider.value = _rounded(value, slider)
-
-        def moved(event: Any) -> None:
-            # What the page itself shows is no change.
-            if event.client is not None:
-                self._change(dim.name, min(dim.max, max(dim.min, float(slider.value))))
-
-        slider.on_update(moved)
-        return slider
-
-
-def reach(dim: Dimension, value: float) -> tuple[float, float]:
-    """The ends of a parameter's slider: its bounds, or a part from 0 on if the value is tiny beside them."""
-    if dim.min == 0 and 0 < value < 0.1 * dim.max:
-        return 0.0, min(dim.max, float(f"{4 * value:.1g}"))
-    return dim.min, dim.max
-
-
-def step_of(low: float, high: float) -> float:
-    """A slider's step, a power of ten: from 2000 to 20000 of them between its ends."""
-    return float(10.0 ** math.floor(math.log10((high - low) / FEWEST_STEPS)))
-
-
-def _rounded(value: float, slider: Any) -> float:
-    """The value with as many digits as the slider's step has, for the eye."""
-    digits = max(0, round(-math.log10(slider.step)))
-    return float(min(slider.max, max(slider.min, round(value, digits))))

@@ -10,11 +10,13 @@ import viser
 
 from btr._btr import BtrError
 from btr._studio import panels
-from btr._studio.cause import Candidates, LogDoubts, Names, NextExperiment, Sliders
+from btr._studio.cause import Candidates, LogDoubts, Names, NextExperiment
+from btr._studio.notices import Notices, changed, diagnosed, previewed
 from btr._studio.robot import Robot
 from btr._studio.saved import python, shell
 from btr._studio.server import Server
 from btr._studio.session import Session
+from btr._studio.sliders import Sliders
 from btr._studio.step import Step
 from btr._studio.view import View
 from btr._studio.work import Cancelled, Latest
@@ -34,6 +36,7 @@ class Page:
         self._lock = threading.Lock()
         self._job: threading.Thread | None = None
         self._status = ""
+        self._notices = Notices(server)
         self._checks = threading.Thread(target=self._check, name="btr studio check", daemon=True)
         self._redraws = Latest(self._draw)
         self._comparisons = Latest(self._compare)
@@ -82,7 +85,7 @@ class Page:
         self._undo = gui.add_button("Undo", color="gray", icon=viser.Icon.ARROW_BACK_UP, disabled=True)
         self._candidates = Candidates(self._server, self._on_add, self._on_remove, self._on_preview)
         self._next = NextExperiment(self._server, self._on_motion, self._on_end)
-        self._sliders = Sliders(self._server, self._on_value)
+        self._sliders = Sliders(self._server, self._on_value, self._notices.done)
         self._fit = gui.add_button("Fit all", color="gray", icon=viser.Icon.ADJUSTMENTS)
         self._bounds = gui.add_html("")
         self._save = gui.add_button("Save model, report and scripts", color="gray", icon=viser.Icon.DEVICE_FLOPPY)
@@ -126,25 +129,32 @@ class Page:
     def _on_undo(self) -> None:
         step = self._session.undo()
         self._changed(step)
+        self._notices.done(f"Undone. The model now: {step.title}.")
 
     def _on_value(self, name: str, value: float) -> None:
         with self._lock:
             self._changes[name] = value
+        self._saved.content = ""
         self._redraws.ask()
 
-    def _diagnose(self) -> None:
+    # Each says what was done.
+
+    def _diagnose(self) -> str:
         self._session.diagnose(self._tell)
         self._changed(self._session.step)
+        return diagnosed(self._session.diagnosis)
 
-    def _previewed(self, names: Names) -> None:
-        self._session.preview(names, self._tell)
-        self._changed(self._session.step)
+    def _previewed(self, names: Names) -> str:
+        preview, step = self._session.preview(names, self._tell), self._session.step
+        self._changed(step)
+        return previewed(names, self._session.errors(step), self._session.errors(preview))
 
-    def _shown_motion(self) -> None:
+    def _shown_motion(self) -> str:
         self._session.show_motion()
         self._changed(self._session.step)
+        return "Shown: the motion of the next experiment."
 
-    def _fitted(self, work: Callable[[Callable[[], None]], Step]) -> None:
+    def _fitted(self, work: Callable[[Callable[[], None]], Step]) -> str:
         """Fits, then moves the ghost to where the fit has it, and the errors with it."""
         before = self._session.step
         step = work(self._tell)
@@ -155,18 +165,20 @@ class Page:
                 self._view.load(replays[self._view.run])
                 self._head.content = self._told_errors(step, *self._session.errors_of(replays))
         self._changed(step)
+        return changed(step, self._session.errors(before), self._session.errors(step))
 
-    def _write(self) -> None:
+    def _write(self) -> str:
         was_preview = self._session.previewed is not None
         saved = self._session.save()
         self._changed(self._session.step)
         head = "saved, without the preview, which has ended" if was_preview else "saved"
         files = [path for path in (saved.model, saved.report, saved.shell, saved.python) if path is not None]
         self._saved.content = panels.note(f"{head}:\n" + "\n".join(str(path) for path in files))
+        return f"Saved as {saved.model.name}, with {len(files) - 1} files beside it."
 
     # How work runs.
 
-    def _start(self, status: str, work: Callable[[], None]) -> None:
+    def _start(self, status: str, work: Callable[[], str]) -> None:
         """Does work on a thread of its own, unless something runs."""
         with self._lock:
             if self._job is not None and self._job.is_alive():
@@ -174,23 +186,23 @@ class Page:
             self._job = threading.Thread(target=self._run, args=(status, work), name="btr studio job", daemon=True)
             self._job.start()
 
-    def _run(self, status: str, work: Callable[[], None]) -> None:
+    def _run(self, status: str, work: Callable[[], str]) -> None:
         self._busy(True)
         ended = threading.Event()
         ticker = threading.Thread(target=self._tick, args=(status, ended), daemon=True)
         ticker.start()
         try:
-            work()
-            told = panels.ladder(self._session.ladder, "")
+            done, told = work(), panels.ladder(self._session.ladder, "")
         except Cancelled:
-            told = panels.stopped(self._session.stopped)
+            done, told = "Stopped. The model is as it was.", panels.stopped(self._session.stopped)
         except (BtrError, OSError) as error:
-            told = panels.ladder(self._session.ladder, str(error))
+            done, told = str(error), panels.ladder(self._session.ladder, str(error))
         finally:
             ended.set()
             ticker.join()
             self._busy(False)
         self._told.content = told
+        self._notices.done(done)
 
     def _tick(self, status: str, ended: threading.Event) -> None:
         """Says how far the work is, until it ends."""
@@ -199,6 +211,7 @@ class Page:
             batches = self._session.batches
             count = "" if batches is None else f", {batches} batches of simulations"
             self._status = f"{status}{count}, {time.monotonic() - begun:.0f} s"
+            self._notices.running(self._status)
             self._tell()
 
     def _tell(self) -> None:
@@ -216,6 +229,7 @@ class Page:
         """Shows another step."""
         with self._lock:
             self._changes.clear()
+        self._saved.content = ""
         self._sliders.load(self._session)
         self._show_cause()
         self._undo.disabled = len(self._session.history) == 1
@@ -227,6 +241,7 @@ class Page:
         self._verdict.content = "" if found is None else panels.verdict(found._finding(), is_current=is_current)
         self._told.content = panels.ladder(list(self._session.ladder), "")
         self._doubts.load(self._session)
+        self._bounds.content = panels.at_bounds(self._session.at_bounds)
         self._candidates.load(self._session)
         self._next.load(self._session)
 
@@ -240,6 +255,7 @@ class Page:
                 steps = len(self._session.history)
                 self._session.set_values(changes)
                 self._undo.disabled = False
+                self._bounds.content = panels.at_bounds(self._session.at_bounds)
                 if was_preview or len(self._session.history) != steps:
                     self._sliders.tell(self._session)
                     self._show_cause()
@@ -283,7 +299,6 @@ class Page:
     def _show_errors(self) -> None:
         step = self._session.shown
         self._head.content = self._told_errors(step, *self._session.errors())
-        self._bounds.content = panels.at_bounds(self._session.at_bounds)
 
     def _told_errors(self, step: Step, learn: float | None, held_out: float | None) -> str:
         return panels.head(step.model.name, step.title, learn, held_out, tails=self._session.holds_out_tails)

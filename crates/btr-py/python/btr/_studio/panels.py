@@ -53,7 +53,8 @@ def _share(error: float) -> float:
     return 1.0 if not math.isfinite(error) else min(1.0, max(0.0, (math.log(max(error, 1e-9)) - low) / (high - low)))
 
 
-def _floors(error: Union[float, None]) -> str:
+def floors(error: Union[float, None]) -> str:
+    """An error in noise floors, in few digits."""
     if error is None:
         return "-"
     return "infinite" if not math.isfinite(error) else f"{error:.2f}" if error < 10 else f"{error:.1f}"
@@ -65,7 +66,7 @@ def head(model: str, step: str, learn: Union[float, None], held_out: Union[float
     names = ("first 70 %", "last 30 %") if tails else ("training logs", "held-out logs")
     rows = "".join(
         f'<div style="display:flex;align-items:baseline;gap:8px"><span style="width:92px;{MUTED}">{name}</span>'
-        f'<b style="font-size:18px;width:62px">{_floors(error)}</b>'
+        f'<b style="font-size:18px;width:62px">{floors(error)}</b>'
         f'<div style="flex:1">{_bar(error, colour_of(error))}</div></div>'
         for name, error in zip(names, (learn, held_out))
         if error is not None
@@ -100,8 +101,8 @@ def ladder(steps: Ladder, status: str) -> str:
     """The error ladder so far, and what is going on."""
     rows = ""
     for name, train, held in steps:
-        beside = "" if held is None else f'<span style="{MUTED}"> / {_floors(held)} held out</span>'
-        error = f"<b>{_floors(train)}</b>{beside}{_bar(train, colour_of(train))}"
+        beside = "" if held is None else f'<span style="{MUTED}"> / {floors(held)} held out</span>'
+        error = f"<b>{floors(train)}</b>{beside}{_bar(train, colour_of(train))}"
         rows += f'<div style="margin-top:3px">{escape(name)} {error}</div>'
     of = f'<div style="{SMALL}">{OF_LADDER}</div>' if steps else ""
     return box(f'{rows}{of}<div style="{SMALL}">{escape(status)}</div>')
@@ -147,7 +148,7 @@ def _worst(worst: RegimeFailure, named: Union[failures.Named, None]) -> str:
 
 
 def _told(failure: RegimeFailure) -> str:
-    return f"{failure.joint} {failures.words(failure)} ({_floors(failures.chi(failure))})"
+    return f"{failure.joint} {failures.words(failure)} ({floors(failures.chi(failure))})"
 
 
 def _went(failure: RegimeFailure) -> str:
@@ -180,14 +181,14 @@ def _cell(number: int, failure: RegimeFailure, is_chosen: bool) -> str:
     click = f"fetch('{CLICKS}{number}',{{headers:{{'{CLICKED}':'1'}}}})"
     plain = "all:unset;cursor:pointer;display:block;width:100%"
     label = f'title="{escape(failure.hint)}" aria-label="{escape(_told(failure))}"'
-    button = f'<button type="button" style="{plain}" {label} onclick="{click}">{_floors(chi)}</button>'
+    button = f'<button type="button" style="{plain}" {label} onclick="{click}">{floors(chi)}</button>'
     return f'<td style="{style}">{button}</td>'
 
 
 def card(candidate: Candidate) -> str:
     """A suspect: its law, how it shows, its probability and values, and what it cannot be told from."""
     likely = "" if candidate.probability is None else f"probability {_percent(candidate.probability)}"
-    tried = "" if candidate.held_out is None else f"held-out error with it {_floors(candidate.held_out)}"
+    tried = "" if candidate.held_out is None else f"held-out error with it {floors(candidate.held_out)}"
     facts = ", ".join(fact for fact in (likely, tried) if fact)
     lines = [
         f"<code>{escape(candidate.law)}</code>" if candidate.law else "",

@@ -134,12 +134,12 @@ class Session:
 
     @property
     def at_bounds(self) -> list[tuple[Dimension, float]]:
-        """Parameters that the fit of the shown model left at a bound, each with that bound; those that were set since
-        are left out."""
+        """Parameters that the fit of the shown model left at a bound, each with that bound; none once values were set
+        since: the model is no longer that of the fit."""
         step = self.shown
-        if step.fit is None:
+        if step.fit is None or step.by_hand:
             return []
-        ended = {p.name: p.value for p in step.fit.parameters if p.at_bound and p.name not in step.by_hand}
+        ended = {p.name: p.value for p in step.fit.parameters if p.at_bound}
         dims = [dim for dim in step.model.parameters if dim.name in ended]
         return [(dim, min(dim.min, dim.max, key=lambda bound: abs(bound - ended[dim.name]))) for dim in dims]
 
@@ -154,9 +154,9 @@ class Session:
         step = self.step
         return Journey(self.history[0].model, self.runs, step.added, step.fit is not None, step.by_hand)
 
-    def replay(self, number: int) -> Replay:
-        """What the shown model does with the commands of a run."""
-        step = self.shown
+    def replay(self, number: int, of: Union[Step, None] = None) -> Replay:
+        """What the shown model, or that of a step, does with the commands of a run."""
+        step = of or self.shown
         if number not in step.replays:
             before = time.perf_counter()
             step.replays[number] = replayed(step.model, self.runs[number])
@@ -176,10 +176,10 @@ class Session:
         """What another model does with the commands of every run."""
         return [replayed(model, run) for run in self.runs]
 
-    def errors(self) -> Errors:
-        """Errors of the shown model, whatever was asked or fitted; see `errors_of`. Those of a ladder differ a little:
-        a diagnosis and a fit estimate where each log begins."""
-        return self.errors_of([self.replay(number) for number in range(len(self.runs))])
+    def errors(self, of: Union[Step, None] = None) -> Errors:
+        """Errors of the shown model, or that of a step, whatever was asked or fitted; see `errors_of`. Those of a
+        ladder differ a little: a diagnosis and a fit estimate where each log begins."""
+        return self.errors_of([self.replay(number, of) for number in range(len(self.runs))])
 
     def errors_of(self, replays: Sequence[Replay]) -> Errors:
         """Errors of replays of all runs, in multiples of the noise floors of the first model; None before `compare`."""
