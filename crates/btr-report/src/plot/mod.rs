@@ -6,6 +6,7 @@ mod panel;
 pub(crate) mod paper;
 pub(crate) mod rows;
 mod svg;
+mod title;
 
 pub(crate) use panel::{Ink, Mark, Panel, Series, ShownState};
 pub(crate) use svg::{escaped, figure};

@@ -2,6 +2,7 @@
 
 use super::axis::Axis;
 use super::panel::{Ink, Mark, Panel, Series, ShownState};
+use super::title::Title;
 use std::fmt::Write;
 
 /// A panel with its labels, and the plot inside it, in px.
@@ -10,15 +11,14 @@ const LEFT: f64 = 66.0;
 const RIGHT: f64 = 16.0;
 const TOP: f64 = 50.0;
 const BOTTOM: f64 = 46.0;
-/// Widths of a letter, of the legend and of the title, in px. The viewer chooses the font, so these are generous.
+/// Width of a letter of the legend, in px. The viewer chooses the font, so this is generous.
 const LETTER: f64 = 7.2;
-const TITLE_LETTER: f64 = 8.4;
 
 /// Colours for light paper, and for dark paper where the viewer asks for it. Blue and orange differ for the
 /// colour-blind.
 const STYLE: &str = "<style>
 text{font:12px system-ui,-apple-system,'Segoe UI',Helvetica,Arial,sans-serif;fill:#333}
-.title{font-size:14px;font-weight:600;fill:#111}
+.title{font-size:14px;font-weight:600;fill:#111}.long{font-size:12px}
 .paper{fill:#fff}.frame{fill:none;stroke:#999}.grid{stroke:#e6e6e6}.mark{stroke:#c4c4c4;stroke-dasharray:2 3}
 .main{stroke:#0b62b0}.second{stroke:#d9730d}.third{stroke:#a3479c}.fourth{stroke:#0f857a}.alarm{stroke:#c5221f}.truth{stroke:#5c5c5c}
 .over{paint-order:stroke;stroke:#fff;stroke-width:4px;stroke-linejoin:round}
@@ -165,7 +165,10 @@ pub(super) fn stroke(ink: Ink, mark: &str) -> String {
 fn labels(panel: &Panel, out: &mut String) {
     let middle_x = (LEFT + CELL.0 - RIGHT) / 2.0;
     let middle_y = (TOP + CELL.1 - BOTTOM) / 2.0;
-    line!(out, "<text class=\"title\" x=\"{LEFT}\" y=\"20\">{}</text>", escaped(&panel.title));
+    let title = title(panel);
+    for (words, y) in title.lines() {
+        line!(out, "<text class=\"{}\" x=\"{LEFT}\" y=\"{y}\">{}</text>", title.class(), escaped(words));
+    }
     let x_label = escaped(&panel.x_label);
     line!(out, "<text x=\"{middle_x}\" y=\"{}\" text-anchor=\"middle\">{x_label}</text>", CELL.1 - 10.0);
     let y_label = escaped(&panel.y_label);
@@ -180,7 +183,7 @@ fn legend(panel: &Panel, out: &mut String) {
     for series in &panel.series {
         let Some(name) = &series.name else { continue };
         if series.state.is_some_and(|state| state.hidden) {
-            of_state(series, out, |out| beside_title(&panel.title, name, series, out));
+            of_state(series, out, |out| beside_title(&title(panel), name, series, out));
             continue;
         }
         let y = TOP - 12.0;
@@ -195,11 +198,14 @@ fn legend(panel: &Panel, out: &mut String) {
     line!(out, "</g>");
 }
 
-/// A legend's entry at the right end of the title's line, shortened to what the title leaves.
-fn beside_title(title: &str, name: &str, series: &Series, out: &mut String) {
-    let (right, y) = (CELL.0 - RIGHT, 20.0);
-    let left = LEFT + TITLE_LETTER * title.chars().count() as f64;
-    let most = ((right - 40.0 - left) / LETTER).max(4.0) as usize;
+fn title(panel: &Panel) -> Title {
+    Title::new(&panel.title, CELL.0 - LEFT - RIGHT)
+}
+
+/// A legend's entry at the right end of the title's last line, shortened to what the title leaves.
+fn beside_title(title: &Title, name: &str, series: &Series, out: &mut String) {
+    let (right, y) = (CELL.0 - RIGHT, title.baseline);
+    let most = ((title.rest - 40.0) / LETTER).max(4.0) as usize;
     let short: String = match name.chars().count() > most {
         true => name.chars().take(most - 1).chain(['…']).collect(),
         false => name.to_owned(),
