@@ -11,6 +11,7 @@ use btr_identify::LadderStep;
 use btr_identify::compare::{ChannelError, Comparison};
 use btr_identify::residual_model::TimeStep;
 use btr_lab::verbs::{HeldOutLogs, JudgedLogs};
+use btr_physics::sensor::SensorNoise;
 
 /// Stages that can be chosen at most: the first two and the latest.
 const MOST_STAGES: usize = 8;
@@ -100,7 +101,7 @@ impl Subject<'_> {
         let player = self.player(&logs, &judged);
         let Some(((_, after), earlier)) = judged.split_last() else { return Ok((Vec::new(), None)) };
         let before = earlier.first().map(|(_, before)| &before.comparison);
-        let blocks = vec![
+        let mut blocks = vec![
             Block::Text(format!(
                 "The model against {}: {}after: {}. These errors are of whole simulated logs, in noise floors; the errors \
                  above exclude what uncertain initial states and the time step explain.",
@@ -110,6 +111,7 @@ impl Subject<'_> {
             )),
             channels(before, &after.comparison),
         ];
+        blocks.extend(estimated_floors(&self.input.problem.model().setup.noise, &after.comparison).map(Block::Text));
         let between = earlier.iter().skip(1).map(|(stage, judged)| (&*stage.name, &judged.comparison)).collect();
         let problem = ComparedLogs { names: logs.names, logs: logs.logs, before, between, after: &after.comparison };
         let first = Section { title: "Before and after".to_owned(), blocks };
@@ -130,6 +132,20 @@ impl Subject<'_> {
     fn judged_on(&self) -> &'static str {
         if self.held_out.is_empty() { "what was held out" } else { "the held-out logs" }
     }
+}
+
+/// Why figures of `btr compare` differ: noise floors that the model does not state are estimated from the logs of a
+/// command.
+fn estimated_floors(noise: &SensorNoise, comparison: &Comparison) -> Option<String> {
+    let names = comparison.channels.iter().map(|channel| channel.name.as_str());
+    let names: Vec<&str> = names.filter(|name| !noise.states_white(name)).collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "[noise] of the model does not state the noise of {}: its floor is estimated, here from all logs of this \
+             report, and in btr compare from the logs that it is given. The figures differ by as much as these floors.",
+            names.join(", ")
+        )
+    })
 }
 
 /// The errors of all channels before and after.
@@ -179,6 +195,22 @@ mod tests {
     }
 
     #[test]
+    fn floors_that_are_estimated_are_told() {
+        let robots = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
+        let text = std::fs::read_to_string(robots.join("arm.toml")).unwrap().replace("position_rad = ", "#");
+        let logs = [robots.join("arm/learn_1.csv")];
+        let input = VerbInput::new(Source::new(robots.join("arm.toml"), text), &logs, &[]).unwrap();
+        let subject = Subject { input: &input, logs: &logs, held_out: &[] };
+        let ladder = [step("model as it stands", &vec![0.0; input.problem.parameters().len()])];
+        let stages = Stages::all(&ladder, (&ladder[0].u, TimeStep::USUAL), String::new());
+        let (sections, _) = subject.before_and_after(&stages);
+        let mut html = String::new();
+        sections[0].blocks.iter().for_each(|block| block.write(&mut html));
+        let told = "does not state the noise of q_yaw, q_shoulder, q_elbow: its floor is estimated";
+        assert!(html.contains(told), "{html}");
+    }
+
+    #[test]
     fn logs_that_cannot_be_simulated_are_reported_and_the_rest_stays() {
         let robots = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots");
         let logs = [robots.join("arm/learn_1.csv")];
@@ -197,6 +229,7 @@ mod tests {
             html
         };
         let whole = shown(&[0.0]);
+        assert!(!whole.contains("does not state the noise"), "this model does");
         assert!(whole.contains("Residual in") && !whole.contains("could not be simulated"));
         let said = shown(&[0.0, f64::NAN]);
         assert!(said.contains("could not be simulated as a whole: ") && !said.contains("Residual in"), "{said}");
