@@ -160,6 +160,19 @@ def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_p
     assert "coulomb_friction.torque@yaw" not in btr.load_model(tmp_path / "arm-studio-2.toml").values
 
 
+def test_a_wide_window_after_a_narrow_one_has_wide_panels(address: str) -> None:
+    def width(window: int) -> float:
+        with opened(address, width=window) as page:
+            log = page.get_by_role("combobox", name="Log")
+            log.wait_for()
+            page.wait_for_timeout(1500)
+            return log.bounding_box()["width"]
+
+    before = width(1400)
+    width(700)
+    assert width(1400) == pytest.approx(before)
+
+
 def test_the_page_says_that_the_server_has_ended() -> None:
     server, address = serve("127.0.0.1", 0)
     server.gui.add_html("still here")

@@ -227,6 +227,12 @@ def test_only_the_page_can_click(served: tuple[Server, str], cookie: str) -> Non
     assert clicks.empty()
 
 
+def test_a_verdict_stands_out_from_its_evidence() -> None:
+    told = panels.verdict("missing: a@b\na@b: probability 0.9\n  size = 1", is_current=True)
+    verdict, _, evidence = told.partition("missing: a@b")
+    assert "font-weight:600" in verdict and "font-weight" not in evidence and "a@b: probability 0.9<br>" in evidence
+
+
 def test_errors_are_told_in_few_digits() -> None:
     assert "1.02" in panels.head("arm", "fitted", 1.0234, None)
     assert "infinite" in panels.head("arm", "set by hand", math.inf, None)

@@ -63,15 +63,19 @@ class Page:
         cause = self._server.gui.main_panel
         cause.dock_right()
         cause.set_width(400)
-        self._view.panel.dock_left()
-        self._view.panel.set_width(400)
+        self._place_left()
 
         @self._server.on_client_connect
         def _(client: viser.ClientHandle) -> None:
             if client.camera.image_width < NARROW_PX:
                 self._view.panel.dock_below(cause)
             else:
-                self._view.panel.dock_left()
+                self._place_left()
+
+    def _place_left(self) -> None:
+        self._view.panel.dock_left()
+        # Below the other panel it had that one's width.
+        self._view.panel.set_width(400)
 
     def _add_cause(self) -> None:
         gui = self._server.gui

@@ -237,9 +237,11 @@ def _percent(share: float) -> str:
 
 def verdict(finding: str, *, is_current: bool) -> str:
     """What a diagnosis says, of the present model or of an earlier one."""
-    text = "<br>".join(map(escape, finding.splitlines()))
+    first, *others = map(escape, finding.splitlines())
     if is_current:
-        return box(text, "font-weight:600")
+        evidence = box("<br>".join(others), "font-size:12px;padding-top:0") if others else ""
+        return box(first, "font-weight:600") + evidence
+    text = "<br>".join([first, *others])
     return box("This diagnosis is about an earlier model: ask again what is missing.") + box(text, SMALL)
 
 
