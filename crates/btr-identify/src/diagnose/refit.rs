@@ -35,7 +35,7 @@ pub(super) const FOLLOWER: SearchBudget = SearchBudget { jacobians: 2, steps: 12
 /// How many of the start shapes that are tried again are fitted: those with the lowest cost.
 const RESHAPES: usize = 4;
 /// The budget for each of them.
-pub(super) const RESHAPED: SearchBudget = SearchBudget { jacobians: 1, steps: 6 };
+const RESHAPED: SearchBudget = SearchBudget { jacobians: 1, steps: 6 };
 
 /// A candidate with its fit.
 #[derive(Clone, Debug)]

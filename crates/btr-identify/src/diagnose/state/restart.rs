@@ -2,14 +2,16 @@
 
 use super::DiagnosisState;
 use crate::diagnose::own;
-use crate::diagnose::refit::{FOLLOWER, RESHAPED};
-use crate::fit::{FitPoint, Objective};
+use crate::diagnose::refit::FOLLOWER;
+use crate::fit::{FitPoint, Objective, SearchBudget};
 
 /// How far parameters are perturbed to restart a search: amplitudes by this share, shapes by this much of their
 /// coordinate...
 const PERTURBATION: (f64, f64) = (0.15, 0.5);
 /// ... and how often at most, while the cost falls below this share each time.
 const PERTURBATIONS: usize = 3;
+/// The budget for each restart.
+const NEARBY: SearchBudget = SearchBudget { jacobians: 0, steps: 6 };
 const LOWER: f64 = 0.99;
 
 impl DiagnosisState {
@@ -33,7 +35,9 @@ impl DiagnosisState {
                 u[parameter] = objective.parameters()[parameter].clamp(u[parameter] + side * away);
                 // A side that cannot be simulated is skipped.
                 let mut fit = FitPoint::at(objective, self.fit.active.clone(), u, &self.fit.step_error).ok()?;
-                own::solve(objective, candidate, &mut fit, RESHAPED);
+                // The slopes from where the search ended will do: they are corrected with every step.
+                fit.jacobian.clone_from(&self.fit.jacobian);
+                own::solve(objective, candidate, &mut fit, NEARBY);
                 Some(fit)
             });
             let best = perturbed.min_by(|a, b| a.cost.total_cmp(&b.cost));
