@@ -1,4 +1,4 @@
-//! Which candidates are compared with each other.
+//! Which candidates are compared with each other, and how long they are searched.
 #![allow(clippy::unwrap_used)]
 
 use btr_core::log::{Log, Role};
@@ -30,7 +30,7 @@ const URDF: &str = r#"<robot name="leg">
 </robot>
 "#;
 
-fn candidates() -> Vec<EffectCandidate> {
+fn input(logs: usize) -> VerbInput {
     let clock: Vec<f64> = (0..100).map(|i| 0.02 * f64::from(i)).collect();
     let mut log = Log::new(clock.clone()).unwrap();
     for (joint, rate) in [("hip", 2.1), ("knee", 3.3)] {
@@ -41,14 +41,14 @@ fn candidates() -> Vec<EffectCandidate> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("leg.urdf"), URDF).unwrap();
     let source = Source::new(folder.path().join("leg.toml"), MODEL);
-    let log = LogSource::InMemory { name: PathBuf::from("swing"), log };
-    VerbInput::new(source, &[log], &[]).unwrap().problem.description().candidates
+    let named = |i| LogSource::InMemory { name: PathBuf::from(format!("swing {i}")), log: log.clone() };
+    VerbInput::new(source, &(0..logs).map(named).collect::<Vec<_>>(), &[]).unwrap()
 }
 
 /// A turn of the whole robot about its first joint is a tilt of gravity as well.
 #[test]
 fn a_tilted_base_is_compared_with_the_first_joint() {
-    let all = candidates();
+    let all: Vec<EffectCandidate> = input(1).problem.description().candidates;
     let similar = |name: &str| {
         let candidate = all.iter().find(|candidate| candidate.name() == name).unwrap();
         candidate.similar.iter().map(|&other| all[other].name()).collect::<Vec<_>>()
@@ -60,4 +60,12 @@ fn a_tilted_base_is_compared_with_the_first_joint() {
     );
     assert!(similar("encoder_offset@hip").contains(&"gravity_tilt@base".to_owned()));
     assert!(!similar("encoder_offset@knee").contains(&"gravity_tilt@base".to_owned()));
+}
+
+/// Every point of a search simulates all training logs.
+#[test]
+fn the_usual_number_of_rollouts_grows_with_the_training_logs() {
+    let most = |logs| input(logs).options(Some(2), None).max_rollouts;
+    assert_eq!((most(1), most(4), most(6)), (6800, 6800, 10_200));
+    assert_eq!(input(6).options(Some(2), Some(50)).max_rollouts, 50);
 }

@@ -71,6 +71,9 @@ pub fn capped(support: &Support) -> Option<String> {
     let log = support.leave_one_out_log.as_deref().unwrap_or("one of the logs");
     let reason = |reason: &CapReason| match reason {
         CapReason::UnstableSize => format!("its size changes by more than half without {log}"),
+        CapReason::Series => {
+            "together with what is found beside it, it can follow nearly any law of this joint".to_owned()
+        }
         CapReason::UncertainSize => "these logs do not tell its size from none beside the others".to_owned(),
         CapReason::LittleExplained => "two simulators of one robot differ by as much as it explains".to_owned(),
         CapReason::ParameterAtBound => "a free parameter ended at its bound (listed below)".to_owned(),

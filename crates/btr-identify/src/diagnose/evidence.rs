@@ -3,13 +3,13 @@
 use super::own;
 use super::report::{CapReason, Evidence, MissingEffect, Verdict};
 use super::thresholds::{
-    AT_MOST, AT_MOST_LITTLE, AT_MOST_UNCERTAIN, AT_MOST_UNSTABLE, CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY,
-    NEGLIGIBLE, NOISE, STABLE,
+    AT_MOST, AT_MOST_IN_SERIES, AT_MOST_LITTLE, AT_MOST_UNCERTAIN, AT_MOST_UNSTABLE, CONSIDERABLE, EXPLAINED,
+    IN_MOST_LOGS, MOSTLY, NEGLIGIBLE, NOISE, SERIES, STABLE,
 };
 use crate::LadderStep;
 use crate::fit::residual_vector::{ResidualVector, chi, squares};
 use crate::fit::{Estimate, FitPoint, LogSet, Objective};
-use crate::residual_model::CandidateKind;
+use crate::residual_model::{CandidateKind, EffectCandidate, Needs};
 use std::ops::Range;
 
 /// The mean square errors of a fit.
@@ -184,6 +184,29 @@ pub(super) fn doubt_size(found: &mut MissingEffect, sizes: &[(f64, &Estimate)]) 
     if !sizes.is_empty() && sizes.iter().all(may_be_none) {
         found.cap(AT_MOST_UNCERTAIN, CapReason::UncertainSize);
     }
+}
+
+/// Bounds the probabilities of findings that may be parts of one law: an effect, and several instances of a similar one.
+pub(super) fn doubt_series(candidates: &[EffectCandidate], findings: &mut [MissingEffect]) {
+    let first = |found: &MissingEffect| first_instance(candidates, found.candidate);
+    let is_series = |first_one: &usize| findings.iter().filter(|found| first(found) == *first_one).count() >= SERIES;
+    let series: Vec<usize> = findings.iter().map(first).filter(is_series).collect();
+    let is_beside = |found: &MissingEffect, one: &usize| candidates[*one].similar.contains(&found.candidate);
+    let with_others: Vec<usize> =
+        series.into_iter().filter(|one| findings.iter().any(|found| is_beside(found, one))).collect();
+    for found in findings.iter_mut() {
+        if with_others.iter().any(|one| first(found) == *one || is_beside(found, one)) {
+            found.cap(AT_MOST_IN_SERIES, CapReason::Series);
+        }
+    }
+}
+
+/// The candidate of which one is a further instance, or itself.
+fn first_instance(candidates: &[EffectCandidate], mut candidate: usize) -> usize {
+    while let Needs::Instance(before) = candidates[candidate].needs {
+        candidate = before;
+    }
+    candidate
 }
 
 #[cfg(test)]

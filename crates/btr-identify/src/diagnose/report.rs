@@ -117,6 +117,8 @@ pub enum CapReason {
     UnstableSize,
     /// Its size may be none by its own interval.
     UncertainSize,
+    /// It is found beside several instances of a similar effect: together they can follow nearly any law.
+    Series,
     /// It explains next to nothing, on training and held-out logs: two simulators differ by as much.
     LittleExplained,
     /// A free parameter ended at its bound, which is no limit of physics.

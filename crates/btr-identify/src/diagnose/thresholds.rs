@@ -37,6 +37,11 @@ pub const STABLE: f64 = 0.5;
 pub const AT_MOST_UNSTABLE: f64 = 0.9;
 /// Largest probability of a finding whose size may be none by its interval.
 pub const AT_MOST_UNCERTAIN: f64 = 0.9;
+/// So many instances of an effect and a similar one beside them follow nearly any law: a spring and two ripples any
+/// torque that depends on the position...
+pub const SERIES: usize = 2;
+/// ... and the largest probability of each of them.
+pub const AT_MOST_IN_SERIES: f64 = 0.9;
 /// Largest probability of a finding while a free parameter is at its bound: what two stand-ins for an unknown effect do
 /// not explain, the free parameters make up for as far as they may.
 pub const AT_MOST_AT_BOUNDS: f64 = 0.9;

@@ -213,6 +213,30 @@ fn what_only_training_logs_show_replaces_a_similar_effect() {
     assert_ne!(names(&model.diagnosis()), ["part", "other"]);
 }
 
+/// A spring with ripples beside it can follow any torque that depends on the position.
+#[test]
+fn no_name_is_certain_beside_several_instances_of_a_similar_effect() {
+    let ask = |similar: bool| {
+        let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+            let part = |rate: f64| swing(rate, log, t);
+            u[0] * part(3.0) + u[1] * part(5.0) + u[2] * part(7.0) + u[3] * part(11.0)
+        };
+        let mut model = SyntheticModel::new(&["spring", "ripple", "ripple"], &[0.4, 9.0, 8.0, 7.0], motion);
+        (model.candidates[2].site, model.candidates[2].needs) = ("here#2".to_owned(), Needs::Instance(1));
+        if similar {
+            (model.candidates[0].similar, model.candidates[1].similar) = (vec![1], vec![0]);
+        }
+        model.diagnosis()
+    };
+    let together = ask(true);
+    assert_eq!((together.verdict, together.effects.len()), (Verdict::EffectMissing, 3));
+    for found in &together.effects {
+        let cap = found.probability_cap.as_ref().unwrap();
+        assert!(found.probability <= 0.9 && cap.reasons.contains(&CapReason::Series), "{found:?}");
+    }
+    assert!(ask(false).effects.iter().all(|found| found.probability > 0.99));
+}
+
 /// What is left is certain, and too small to be named: what is named may stand in for something else.
 #[test]
 fn no_name_is_certain_that_leaves_something_for_certain() {

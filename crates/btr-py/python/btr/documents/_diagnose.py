@@ -15,10 +15,17 @@ class ProbabilityCap(Record):
     """That probability."""
     reasons: list[
         Literal[
-            "unstable_size", "uncertain_size", "little_explained", "parameter_at_bound", "error_left", "left_over"
+            "unstable_size",
+            "uncertain_size",
+            "series",
+            "little_explained",
+            "parameter_at_bound",
+            "error_left",
+            "left_over",
         ]
     ]
-    """Why it is not 1: the size changes by more than half without `leave_one_out_log`; it explains less than a
+    """Why it is not 1: the size changes by more than half without `leave_one_out_log`, or may be none; with
+    several instances of a similar effect beside it, it can follow nearly any law (`series`); it explains less than a
     hundredth of the error and less than the noise; a free parameter ended at its bound; the findings leave an error;
     or a further candidate would still explain something for certain (`left_over`)."""
 
