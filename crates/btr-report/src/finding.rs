@@ -17,7 +17,7 @@ pub fn evidence(support: &Support, fell: Option<&str>) -> String {
         Some(learnt) => format!("{learnt} {of_error} on the training logs, and {held_out} on the held-out logs"),
         None => format!("{held_out} {of_error}"),
     };
-    let little = share.max(learnt_share.unwrap_or(0.0)) < NEGLIGIBLE;
+    let little = !in_own_channel && share.max(learnt_share.unwrap_or(0.0)) < NEGLIGIBLE;
     let first = fell
         .filter(|_| little)
         .map_or_else(String::new, |fell| format!(" that there was at first: the error fell {fell}"));

@@ -18,7 +18,7 @@ const NEARLY: f64 = 0.5;
 /// ... and what leaves this many times its sum of squares on the held-out logs leaves far more.
 pub(super) const FAR_MORE: f64 = 2.0;
 
-/// How many of the rivals that did nearly as well are kept, to be compared again beside later findings.
+/// How many of the rivals that did nearly as well, besides those that are alike, are kept, to be compared again beside later findings.
 const COMPARED: usize = 3;
 
 /// The first of the rivals, which are sorted by B, if the training logs show it clearly.
@@ -164,8 +164,12 @@ fn named(
     let gained = before - measure.criterion(&winner.fit);
     let has_share =
         |r: &&Rival| r.candidate != winner.candidate && stands_for.is_none_or(|s| s.candidate != r.candidate);
-    let is_close = |r: &&Rival| has_share(r) && left(r) <= CLOSE * left(winner);
-    let close = rivals.iter().filter(is_close).map(|r| r.candidate).take(COMPARED).collect();
+    let is_close = |r: &&Rival| {
+        let together = own::are_together(objective, r.candidate, winner.candidate);
+        has_share(r) && together && !is_alike(r) && left(r) <= CLOSE * left(winner)
+    };
+    let close = rivals.iter().filter(is_close).take(COMPARED);
+    let close = alike.iter().copied().chain(close).map(|r| r.candidate).collect();
     let others = rivals.iter().filter(has_share);
     let others = others.map(|r| (Some(candidates[r.candidate].name()), of_rival(r) / total));
     MissingEffect {

@@ -169,9 +169,11 @@ fn go_on(
         state.drop_needless(objective);
         state.split(objective, |_, _| true, on_step);
     }
-    if !objective.is_stopped() {
+    if !cut_short && !objective.description.has_contact {
         state.one_for_two(objective, on_step);
         state.compare_again(objective, on_step);
+    }
+    if !objective.is_stopped() {
         state.tell_apart(objective);
     }
     if !cut_short && !objective.is_stopped() {

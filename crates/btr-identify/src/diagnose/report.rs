@@ -109,6 +109,15 @@ pub struct Evidence {
     pub established: bool,
 }
 
+impl Evidence {
+    /// Adds what another finding explained.
+    pub(super) fn add(&mut self, other: &Evidence) {
+        self.share += other.share;
+        self.learnt_share += other.learnt_share;
+        self.removed += other.removed;
+    }
+}
+
 /// Why a probability is not larger.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -226,20 +235,32 @@ impl MissingEffect {
         self.note_cap(by * self.probability_cap.as_ref().map_or(1.0, |cap| cap.at_most), reason);
     }
 
-    /// Shares the probability with others, whose beliefs are given as multiples of its own.
+    /// Shares its probability with others, which these logs cannot tell from it. Their beliefs are given as multiples
+    /// of its own.
     pub(super) fn share_with(&mut self, others: Vec<(String, f64)>) {
-        let total: f64 = 1.0 + others.iter().map(|(_, belief)| belief).sum::<f64>();
-        self.probability = self.probability.min(1.0 / total);
-        let others = others.into_iter().map(|(name, belief)| (Some(name), belief / total));
+        let own = self.probability / (1.0 + others.iter().map(|(_, belief)| belief).sum::<f64>());
+        self.probability = own;
+        self.alike.extend(others.iter().map(|(name, _)| name.clone()));
+        let others = others.into_iter().map(|(name, belief)| (Some(name), own * belief));
         let known = std::mem::take(&mut self.rivals).into_iter().map(|rival| (rival.name, rival.probability));
         self.rivals = RivalProbability::likeliest(known.chain(others));
     }
 
+    /// Turns into another candidate, whose share of the probability it has from then on.
+    pub(super) fn turn_into(&mut self, index: usize, candidate: &EffectCandidate) {
+        let name = Some(candidate.name());
+        let share = self.rivals.iter().filter(|rival| rival.name == name).map(|rival| rival.probability).sum::<f64>();
+        self.probability = (self.probability + share).min(1.0);
+        self.rivals.retain(|rival| rival.name != name);
+        self.alike.retain(|alike| Some(alike) != name.as_ref());
+        (self.effect, self.site) = (candidate.effect.clone(), candidate.site.clone());
+        (self.candidate, self.kind) = (index, candidate.kind);
+    }
+
     /// What another finding explained, this one explains in its place.
     pub(super) fn take_over(&mut self, other: &MissingEffect) {
-        self.evidence.share += other.evidence.share;
-        self.evidence.learnt_share += other.evidence.learnt_share;
-        self.evidence.removed += other.evidence.removed;
+        self.evidence.add(&other.evidence);
+        self.delta_bic += other.delta_bic;
     }
 
     fn note_cap(&mut self, at_most: f64, reason: CapReason) {

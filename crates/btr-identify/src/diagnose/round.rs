@@ -4,7 +4,7 @@
 use super::judge::{FAR_MORE, judge_rivals};
 use super::own;
 use super::refit::{Rival, last_chance, last_chance_of_the_best, race};
-use super::report::{MissingEffect, SecondLooks};
+use super::report::{MissingEffect, RankedCandidate, SecondLooks};
 use super::screen::{StartPoint, is_searched, screen};
 use super::short_parts::from_short_parts;
 use super::state::DiagnosisState;
@@ -65,19 +65,28 @@ fn attempt(
     if objective.description.has_contact {
         return judge_rivals(objective, state, rivals).into_iter().collect();
     }
+    let before = state.rivals.clone();
     let judged = judge_rivals(objective, state, rivals.clone());
     // Of a prescribed motion no probe predicts too little.
     if objective.description.is_decoupled {
         return with_other_joints(objective, state, judged, (&rivals, offered));
     }
-    let is_good = judged.is_some() && !fails_elsewhere(state);
+    let is_good = judged.as_ref().is_some_and(|(first, _)| !fails_elsewhere(objective, state, first));
     if is_good || !leaves_much(objective, &rivals) || !second_looks.allow(objective) {
         return judged.into_iter().collect();
     }
     let others = not_fitted(objective, &rivals, offered);
     let late = last_chance_of_the_best(objective, &state.fit, &others, &rivals[0].fit);
-    state.rounds.pop();
-    judge_rivals(objective, state, best_of_each(rivals.into_iter().chain(late).collect())).into_iter().collect()
+    let (ranked, points) = (state.rounds.pop(), std::mem::replace(&mut state.rivals, before));
+    let again = judge_rivals(objective, state, best_of_each(rivals.into_iter().chain(late).collect()));
+    if again.is_none() && judged.is_some() {
+        // What the held-out logs contradict does not take the place of what they confirmed.
+        state.rounds.pop();
+        state.rounds.extend(ranked);
+        (state.rivals, state.unconfirmed) = (points, None);
+        return judged.into_iter().collect();
+    }
+    again.into_iter().collect()
 }
 
 /// The candidates `offered` that explain most, fitted, best first; the base follows where the best has moved it.
@@ -227,11 +236,13 @@ fn leaves_much(objective: &Objective, rivals: &[Rival]) -> bool {
         .is_some_and(|leader| chi(leader.fit.squares(), objective.samples(LogSet::Learn)) > objective.noise_bound())
 }
 
-/// Whether what was ranked first leaves far more on the held-out logs than on the training logs: it fits these, and
-/// something else may explain both.
-fn fails_elsewhere(state: &DiagnosisState) -> bool {
-    let first = state.rounds.last().and_then(|ranked| ranked.first());
-    first.is_some_and(|first| first.held_out.is_some_and(|held_out| held_out.powi(2) > FAR_MORE * first.train.powi(2)))
+/// Whether the winner of the last ranking leaves far more on the held-out logs than on the training logs: it fits
+/// these, and something else may explain both.
+fn fails_elsewhere(objective: &Objective, state: &DiagnosisState, winner: &Rival) -> bool {
+    let name = objective.candidates()[winner.candidate].name();
+    let ranked = state.rounds.last().and_then(|ranked| ranked.iter().find(|one| one.name == name));
+    let far_more = |ranked: &RankedCandidate, held_out: f64| held_out.powi(2) > FAR_MORE * ranked.train.powi(2);
+    ranked.is_some_and(|ranked| ranked.held_out.is_some_and(|held_out| far_more(ranked, held_out)))
 }
 
 /// Whether the leader explains so much of the error that it is a step on the way, whatever it leaves.

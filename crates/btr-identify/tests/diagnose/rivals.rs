@@ -234,7 +234,12 @@ fn no_name_is_certain_beside_several_instances_of_a_similar_effect() {
         let cap = found.probability_cap.as_ref().unwrap();
         assert!(found.probability <= 0.9 && cap.reasons.contains(&CapReason::Series), "{found:?}");
     }
-    assert!(ask(false).effects.iter().all(|found| found.probability > 0.99));
+    let apart = ask(false);
+    assert!(
+        apart.effects.len() == 3 && apart.effects.iter().all(|found| found.probability > 0.99),
+        "{:?}",
+        apart.effects
+    );
 }
 
 /// What is left is certain, and too small to be named: what is named may stand in for something else.

@@ -5,7 +5,7 @@
 use super::pair::{Pair, accept_pair, fitted_together};
 use crate::LadderStep;
 use crate::diagnose::own;
-use crate::diagnose::report::{RivalPoint, RivalProbability};
+use crate::diagnose::report::RivalPoint;
 use crate::diagnose::state::DiagnosisState;
 use crate::diagnose::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::fit::measure::ComparisonMeasure;
@@ -78,13 +78,8 @@ fn declare_alike(objective: &Objective, state: &mut DiagnosisState, pair: Pair) 
     let Pair { index, effect, companion } = pair;
     let costs = (measure.criterion(&companion.fit) - measure.criterion(&state.fit)).clamp(-TIE, TIE);
     let found = &mut state.chosen[index];
-    let both = found.probability;
-    found.probability /= 1.0 + (-costs / 2.0).exp();
     let name = format!("{} + {}", candidates[effect].name(), candidates[companion.candidate].name());
-    let others = std::mem::take(&mut found.rivals).into_iter().map(|rival| (rival.name, rival.probability));
-    let shared = (Some(name.clone()), both - found.probability);
-    found.rivals = RivalProbability::likeliest(others.chain([shared]));
-    found.alike.push(name);
+    found.share_with(vec![(name, (-costs / 2.0).exp())]);
     let now = RivalPoint { candidate: found.candidate, u: state.fit.u.clone() };
     state.rivals = vec![now, RivalPoint { candidate: effect, u: companion.fit.u }];
 }

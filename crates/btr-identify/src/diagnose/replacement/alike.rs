@@ -3,61 +3,73 @@
 use crate::LadderStep;
 use crate::diagnose::own;
 use crate::diagnose::refit::{Rival, race};
-use crate::diagnose::report::RivalProbability;
+use crate::diagnose::report::{RivalPoint, RivalProbability};
 use crate::diagnose::state::DiagnosisState;
 use crate::diagnose::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
 use crate::fit::{FitPoint, Objective};
+use crate::residual_model::Needs;
 
 impl DiagnosisState {
     /// Compares each finding with what did nearly as well when it was found: what was missing then may have decided. It
-    /// gives way to one that explains decisively more, or as much with fewer parameters, and what cannot be told from
-    /// it is declared.
-    pub(in crate::diagnose) fn compare_again(&mut self, objective: &Objective, on_step: &dyn Fn(&LadderStep)) {
+    /// gives way to one that explains more, or as much with fewer parameters, and what cannot be told from it is
+    /// declared. What the held-out logs contradict is passed over.
+    pub(in crate::diagnose) fn compare_again(&mut self, objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) {
         for index in 0..self.chosen.len().saturating_sub(1) {
+            let mut later = index + 1..self.chosen.len();
+            if objective.is_stopped() || !later.any(|later| self.may_depend_on(objective, index, later)) {
+                continue;
+            }
             let rivals = self.close_rivals(objective, index);
-            let takes_over = |rival: &&Rival| {
-                let behind = self.behind(objective, &rival.fit);
-                let is_simpler = rival.fit.active.len() < self.fit.active.len();
-                behind < -DECISIVE || is_simpler && behind <= TIE
+            let takes_over = |(rival, behind): &&(Rival, f64)| {
+                *behind < -TIE || rival.fit.active.len() < self.fit.active.len() && *behind <= TIE
             };
-            let steps = self.ladder.len();
-            if let Some(rival) = rivals.iter().find(takes_over).cloned() {
-                self.rename_if_it_will_do(objective, index, rival);
-                self.ladder[steps..].iter().for_each(on_step);
+            if let Some((rival, behind)) = rivals.iter().find(takes_over).cloned() {
+                objective.set_stoppable(false);
+                self.rename(objective, index, rival, behind);
+                self.ladder.last().into_iter().for_each(on_step);
+                objective.set_stoppable(true);
             }
             self.declare_alike(objective, index, &rivals);
         }
     }
 
-    /// What did nearly as well as a finding when it was found, fitted in its place beside the others, best first.
-    fn close_rivals(&self, objective: &Objective, index: usize) -> Vec<Rival> {
-        let found = &self.chosen[index];
-        let is_known = |c: usize| found.alike.contains(&objective.candidates()[c].name()) || self.is_chosen(c);
-        let close = found.close.iter().copied().filter(|&candidate| !is_known(candidate));
-        let mut rivals: Vec<Rival> = close.filter_map(|candidate| self.in_place(objective, index, candidate)).collect();
-        rivals.sort_by(|a, b| self.behind(objective, &a.fit).total_cmp(&self.behind(objective, &b.fit)));
+    /// What did nearly as well as a finding when it was found, fitted in its place beside the others, each with how far
+    /// it is behind; the best first.
+    fn close_rivals(&self, objective: &Objective, index: usize) -> Vec<(Rival, f64)> {
+        let (candidates, found) = (objective.candidates(), &self.chosen[index]);
+        let is_new = |&c: &usize| {
+            candidates[c].needs == Needs::Nothing && !found.alike.contains(&candidates[c].name()) && !self.is_chosen(c)
+        };
+        let measure = ComparisonMeasure::of(objective, &self.fit);
+        let behind = |rival: &Rival| measure.criterion(&rival.fit) - measure.criterion(&self.fit);
+        let close = found.close.iter().copied().filter(is_new);
+        let fitted = close.filter_map(|candidate| self.in_place(objective, index, candidate));
+        let borne_out = fitted.filter(|rival| self.is_borne_out(objective, rival.candidate, &rival.fit));
+        let mut rivals: Vec<(Rival, f64)> = borne_out.map(|rival| (rival.clone(), behind(&rival))).collect();
+        rivals.sort_by(|(_, a), (_, b)| a.total_cmp(b));
         rivals
     }
 
     /// Declares those of some fitted rivals that cannot be told from a finding, which shares its probability with them.
-    fn declare_alike(&mut self, objective: &Objective, index: usize, rivals: &[Rival]) {
+    fn declare_alike(&mut self, objective: &Objective, index: usize, rivals: &[(Rival, f64)]) {
         let candidates = objective.candidates();
         let chosen = self.chosen[index].candidate;
-        let others = rivals.iter().filter(|rival| rival.candidate != chosen);
-        let behind = others.map(|rival| (candidates[rival.candidate].name(), self.behind(objective, &rival.fit)));
-        let alike: Vec<(String, f64)> = behind.filter(|(_, behind)| *behind <= DECISIVE).collect();
-        let found = &mut self.chosen[index];
-        found.alike.extend(
-            alike.iter().map(|(name, _)| name.clone()).filter(|name| !found.alike.contains(name)).collect::<Vec<_>>(),
-        );
-        found.share_with(alike.into_iter().map(|(name, behind)| (name, (-behind / 2.0).exp())).collect());
-    }
-
-    /// How far a fit is behind the present one, in units of B.
-    pub(super) fn behind(&self, objective: &Objective, fit: &FitPoint) -> f64 {
         let measure = ComparisonMeasure::of(objective, &self.fit);
-        measure.criterion(fit) - measure.criterion(&self.fit)
+        let behind = |rival: &Rival| measure.criterion(&rival.fit) - measure.criterion(&self.fit);
+        let others = rivals.iter().map(|(rival, _)| rival).filter(|rival| rival.candidate != chosen);
+        let alike: Vec<&Rival> = others.filter(|rival| behind(rival) <= DECISIVE).collect();
+        if alike.is_empty() {
+            return;
+        }
+        let belief = |rival: &Rival| (-behind(rival).max(-TIE) / 2.0).exp();
+        let beliefs = alike.iter().map(|rival| (candidates[rival.candidate].name(), belief(rival))).collect();
+        self.chosen[index].share_with(beliefs);
+        if self.rivals.is_empty() {
+            let now = RivalPoint { candidate: chosen, u: self.fit.u.clone() };
+            let others = alike.iter().map(|rival| RivalPoint { candidate: rival.candidate, u: rival.fit.u.clone() });
+            self.rivals = [now].into_iter().chain(others).collect();
+        }
     }
 
     /// Takes from each finding the laws that were alike and now explain clearly less beside the others, and gives it
@@ -69,7 +81,8 @@ impl DiagnosisState {
                 |c: &usize| self.chosen[index].alike.contains(&candidates[*c].name()) && !self.is_chosen(*c);
             let alike: Vec<usize> = (0..candidates.len()).filter(was_alike).collect();
             let fitted: Vec<Option<Rival>> = alike.iter().map(|&c| self.in_place(objective, index, c)).collect();
-            let behind = |fit: &FitPoint| self.behind(objective, fit);
+            let measure = ComparisonMeasure::of(objective, &self.fit);
+            let behind = |fit: &FitPoint| measure.criterion(fit) - measure.criterion(&self.fit);
             let is_told = |rival: &Rival| behind(&rival.fit) > DECISIVE && self.explains_clearly_more(objective, rival);
             let told: Vec<String> =
                 fitted.iter().flatten().filter(|r| is_told(r)).map(|r| candidates[r.candidate].name()).collect();
@@ -100,7 +113,9 @@ impl DiagnosisState {
         if starts.is_empty() {
             return self.replaced(objective, &[index], &[candidate]);
         }
-        race(objective, &[self.less(objective, &[index])?], &starts, None).into_iter().next()
+        let mut base = self.less(objective, &[index])?;
+        base.differentiate(objective);
+        race(objective, &[base], &starts, None).into_iter().next()
     }
 
     /// Whether the present fit leaves clearly less than a rival on the training logs, and no more on the held-out ones.

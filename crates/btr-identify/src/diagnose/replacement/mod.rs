@@ -164,17 +164,22 @@ impl DiagnosisState {
         }
     }
 
+    /// Whether the held-out logs do not contradict what takes the place of a finding.
+    fn is_borne_out(&self, objective: &Objective, candidate: usize, fit: &FitPoint) -> bool {
+        let confirms = |now: f64| {
+            own::held_out(objective, candidate, &fit.u).is_some_and(|then| then <= (1.0 + HELD_OUT_FALL) * now)
+        };
+        self.own_held_out(objective, candidate).is_none_or(confirms)
+    }
+
     /// Replaces a finding by a simpler one that explains as much, unless the held-out logs contradict it.
     fn rename_if_it_will_do(&mut self, objective: &Objective, index: usize, rival: Rival) {
         let measure = ComparisonMeasure::of(objective, &self.fit);
         let costs = measure.criterion(&rival.fit) - measure.criterion(&self.fit);
-        let confirms = |now: f64| {
-            held_out_squares(objective, &rival.fit.u).is_some_and(|squares| squares <= (1.0 + HELD_OUT_FALL) * now)
-        };
         let inside = objective.candidates()[self.chosen[index].candidate].nested.contains(&rival.candidate);
         let will_do =
             costs <= TIE || inside && !earns_its_parameters(objective, rival.candidate, &self.fit, &rival.fit);
-        if will_do && self.held_out.is_none_or(confirms) {
+        if will_do && self.is_borne_out(objective, rival.candidate, &rival.fit) {
             self.rename(objective, index, rival, costs);
         }
     }
@@ -255,20 +260,27 @@ impl DiagnosisState {
     }
 
     fn rename(&mut self, objective: &Objective, index: usize, rival: Rival, costs: f64) {
+        let before = objective.candidates()[self.chosen[index].candidate].name();
+        self.put_in_place(objective, index, rival, (costs, before));
+    }
+
+    /// Puts a rival in the place of a finding, or of several in which the `before` one is the last; `costs` is how far
+    /// it is behind, in units of B.
+    fn put_in_place(&mut self, objective: &Objective, index: usize, rival: Rival, (costs, before): (f64, String)) {
         let candidates = objective.candidates();
         let (effect, found) = (&candidates[rival.candidate], &mut self.chosen[index]);
-        let before = format!("{}@{}", found.effect, found.site);
-        found.alike.retain(|alike| *alike != effect.name());
-        found.alike.push(before.clone());
-        found.rivals.retain(|other| other.name.as_ref() != Some(&effect.name()));
+        let is_part = candidates[found.candidate].nested.contains(&rival.candidate);
+        found.turn_into(rival.candidate, effect);
         found.delta_bic -= costs;
-        // A law that the new one is part of leaves it its probability; any other one shares it.
-        if !candidates[found.candidate].nested.contains(&rival.candidate) {
-            let belief = (costs.min(0.0) / 2.0).exp();
-            found.share_with(vec![(before.clone(), belief)]);
+        // A law that the new one is part of leaves it its probability; another one shares it, if it comes close.
+        if is_part {
+            found.alike.push(before.clone());
+        } else if costs >= -DECISIVE {
+            found.share_with(vec![(before.clone(), (costs.min(0.0) / 2.0).exp())]);
         }
-        (found.effect, found.site, found.candidate) = (effect.effect.clone(), effect.site.clone(), rival.candidate);
-        found.kind = effect.kind;
+        if self.rivals.first().is_some_and(|first| !self.chosen.iter().any(|f| f.candidate == first.candidate)) {
+            self.rivals.clear();
+        }
         self.fit = rival.fit;
         self.fit.jacobian = None;
         self.fit.solve(objective, SearchBudget::FULL);

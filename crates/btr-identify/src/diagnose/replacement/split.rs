@@ -7,7 +7,7 @@ use crate::diagnose::own;
 use crate::diagnose::report::{Evidence, MissingEffect};
 use crate::diagnose::screen::with;
 use crate::diagnose::state::DiagnosisState;
-use crate::diagnose::thresholds::{HELD_OUT_FALL, LEARNT_FALL, TIE};
+use crate::diagnose::thresholds::{LEARNT_FALL, TIE};
 use crate::fit::measure::ComparisonMeasure;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 
@@ -61,10 +61,7 @@ impl DiagnosisState {
         let ties = measure.criterion(&parts.fit) - measure.criterion(&self.fit) <= TIE;
         let learnt = |fit: &FitPoint| own::learnt(objective, candidate, fit);
         let hardly = learnt(&self.fit) >= (1.0 - LEARNT_FALL) * learnt(&parts.fit);
-        let confirms = |now: f64| {
-            own::held_out(objective, candidate, &parts.fit.u).is_some_and(|then| then <= (1.0 + HELD_OUT_FALL) * now)
-        };
-        (ties || hardly) && self.own_held_out(objective, candidate).is_none_or(confirms)
+        (ties || hardly) && self.is_borne_out(objective, candidate, &parts.fit)
     }
 
     fn accept_parts(&mut self, objective: &Objective, index: usize, parts: Parts, on_step: &dyn Fn(&LadderStep)) {

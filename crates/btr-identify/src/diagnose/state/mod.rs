@@ -152,9 +152,9 @@ impl DiagnosisState {
             match needless {
                 Some(fit) => {
                     // What the earlier one explained, the latest explains in its place.
-                    let gone = self.chosen[index].clone();
+                    let explained = self.chosen[index].evidence;
                     self.drop_with(objective, index, fit);
-                    self.chosen.last_mut().into_iter().for_each(|latest| latest.take_over(&gone));
+                    self.chosen.last_mut().into_iter().for_each(|latest| latest.evidence.add(&explained));
                 }
                 None => index += 1,
             }
@@ -210,7 +210,7 @@ impl DiagnosisState {
     }
 
     /// Whether an instance after this one is among the findings.
-    fn has_further_instances(&self, objective: &Objective, index: usize) -> bool {
+    pub(super) fn has_further_instances(&self, objective: &Objective, index: usize) -> bool {
         let after = Needs::Instance(self.chosen[index].candidate);
         self.chosen.iter().any(|found| objective.candidates()[found.candidate].needs == after)
     }

@@ -23,6 +23,9 @@ impl DiagnosisState {
             if objective.description.is_chaotic || !self.leaves_something(objective, &self.fit) {
                 return;
             }
+            if self.fit.jacobian.is_none() {
+                self.fit.differentiate(objective);
+            }
             let effect = &objective.candidates()[candidate];
             let sides = effect.parameters().flat_map(|parameter| [-1.0, 1.0].map(|side| (parameter, side)));
             let perturbed = sides.filter_map(|(parameter, side)| {

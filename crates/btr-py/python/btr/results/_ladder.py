@@ -12,9 +12,10 @@ _FOR = " for "
 
 
 def entered(ladder: Sequence[LadderStep], names: Sequence[str]) -> Union[int, None]:
-    """The first step that brings one of these names (`effect@site`) in; None if none does."""
-    came_in = (step.step.partition(_FOR)[0].split() for step in ladder)
-    return next((k for k, words in enumerate(came_in) if set(words) & set(names)), None)
+    """The last step that brings one of these names (`effect@site`) in; None if none does."""
+    came_in = [step.step.partition(_FOR)[0].split() for step in ladder]
+    brings = (k for k, words in enumerate(came_in) if words[:1] != ["-"] and set(words) & set(names))
+    return max(brings, default=None)
 
 
 def fell(ladder: Sequence[LadderStep], names: Sequence[str]) -> Union[tuple[LadderStep, LadderStep], None]:
@@ -26,6 +27,7 @@ def fell(ladder: Sequence[LadderStep], names: Sequence[str]) -> Union[tuple[Ladd
 
 
 def _before(ladder: Sequence[LadderStep], step: int) -> Union[int, None]:
-    replaced = ladder[step].step.partition(_FOR)[2]
-    earlier = entered(ladder[:step], [replaced]) if replaced else None
+    replaced = ladder[step].step.partition(_FOR)[2].split(" + ")
+    came_in = (entered(ladder[:step], [name]) for name in replaced)
+    earlier = min((k for k in came_in if k is not None), default=None)
     return _before(ladder, earlier) if earlier is not None else step - 1 if step > 0 else None
