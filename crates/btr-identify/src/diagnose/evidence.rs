@@ -186,7 +186,8 @@ pub(super) fn doubt_size(found: &mut MissingEffect, sizes: &[(f64, &Estimate)]) 
     }
 }
 
-/// Bounds the probabilities of findings that may be parts of one law: an effect, and several instances of a similar one.
+/// Bounds the probabilities of findings that may be parts of one law: an effect, and several instances of a similar
+/// one.
 pub(super) fn doubt_series(candidates: &[EffectCandidate], findings: &mut [MissingEffect]) {
     let first = |found: &MissingEffect| first_instance(candidates, found.candidate);
     let is_series = |first_one: &usize| findings.iter().filter(|found| first(found) == *first_one).count() >= SERIES;

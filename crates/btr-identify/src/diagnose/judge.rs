@@ -18,7 +18,8 @@ const NEARLY: f64 = 0.5;
 /// ... and what leaves this many times its sum of squares on the held-out logs leaves far more.
 pub(super) const FAR_MORE: f64 = 2.0;
 
-/// How many of the rivals that did nearly as well, besides those that are alike, are kept, to be compared again beside later findings.
+/// How many of the rivals that did nearly as well, besides those that are alike, are kept, to be compared again beside
+/// later findings.
 const COMPARED: usize = 3;
 
 /// The first of the rivals, which are sorted by B, if the training logs show it clearly.
