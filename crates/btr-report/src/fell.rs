@@ -29,7 +29,8 @@ fn of_ladder(ladder: &[LadderStep], unit: ErrorUnit, names: &[String]) -> Option
 
 /// The last step that brings one of these names in.
 fn entered(ladder: &[LadderStep], is_meant: impl Fn(&str) -> bool) -> Option<usize> {
-    let came = |step: &LadderStep| step.step.split(FOR).next().is_some_and(|came| came.split(' ').any(&is_meant));
+    let came =
+        |step: &LadderStep| step.step.split(FOR).next().is_some_and(|came| came.split([' ', ',']).any(&is_meant));
     ladder.iter().rposition(|step| !step.step.starts_with(GONE) && came(step))
 }
 

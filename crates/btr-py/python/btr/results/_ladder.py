@@ -13,7 +13,7 @@ _FOR = " for "
 
 def entered(ladder: Sequence[LadderStep], names: Sequence[str]) -> Union[int, None]:
     """The last step that brings one of these names (`effect@site`) in; None if none does."""
-    came_in = [step.step.partition(_FOR)[0].split() for step in ladder]
+    came_in = [step.step.partition(_FOR)[0].replace(",", " ").split() for step in ladder]
     brings = (k for k, words in enumerate(came_in) if words[:1] != ["-"] and set(words) & set(names))
     return max(brings, default=None)
 
