@@ -281,5 +281,5 @@ def test_a_small_share_of_a_large_error_is_told_by_how_much_the_error_fell() -> 
     payload, coulomb = btr.DiagnoseResult(document, None, None, None)._finding().splitlines()[1:]
     above = "of the squared error above the noise"
     assert payload.endswith(f"explains 99 % {above}")
-    fell = "the error fell from 1.34 to 1.01 noise floors (held out: from 1.44 to 1.11)"
-    assert coulomb.endswith(f"explains less than 1 % {above} that there was at first: {fell}")
+    fell = "with it, the error fell from 1.34 to 1.01 noise floors (held out: from 1.44 to 1.11)"
+    assert coulomb.endswith(f"explains less than 1 % {above}; {fell}")

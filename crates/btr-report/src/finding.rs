@@ -18,15 +18,13 @@ pub fn evidence(support: &Support, fell: Option<&str>) -> String {
         None => format!("{held_out} {of_error}"),
     };
     let little = !in_own_channel && share.max(learnt_share.unwrap_or(0.0)) < NEGLIGIBLE;
-    let first = fell
-        .filter(|_| little)
-        .map_or_else(String::new, |fell| format!(" that there was at first: the error fell {fell}"));
+    let fell = fell.filter(|_| little).map_or_else(String::new, |fell| format!("; with it, the error fell {fell}"));
     let hardly = if learnt_share.is_some_and(|learnt| *share < CONSIDERABLE && learnt > CONSIDERABLE) {
         ", which hardly show it"
     } else {
         ""
     };
-    let mut by = format!("it explains {explains}{first}{hardly}; the error falls in {better} of {of} logs");
+    let mut by = format!("it explains {explains}{hardly}{fell}; the error falls in {better} of {of} logs");
     if let (Some(change), Some(log)) = (leave_one_out_change, &support.leave_one_out_log) {
         let percent = (100.0 * change).ceil();
         by += &match change {
@@ -147,8 +145,8 @@ mod tests {
         );
         let hardly = "and less than 1 % on the held-out logs, which hardly show it";
         assert_eq!(said(0.002, Some(0.96)), format!("it explains 96 % {of} on the training logs, {hardly}; {stable}"));
-        let fell = "that there was at first: the error fell from 1.34 to 1.01";
-        assert_eq!(said(0.001, None), format!("it explains less than 1 % {of} {fell}; {stable}"));
+        let fell = "; with it, the error fell from 1.34 to 1.01";
+        assert_eq!(said(0.001, None), format!("it explains less than 1 % {of}{fell}; {stable}"));
     }
 
     #[test]

@@ -30,7 +30,7 @@ fn unconfirmed(
     rivals: &[Rival],
 ) -> Option<(Rival, MissingEffect)> {
     let (first, others) = rivals.split_first()?;
-    let behind = |fit: &FitPoint| measure.criterion(fit) - measure.criterion(&first.fit);
+    let behind = |fit: &FitPoint| measure.behind(fit, &first.fit);
     let gained = behind(&state.fit);
     if gained <= DECISIVE || first.fit.squares() >= (1.0 - SHOWN) * state.fit.squares() {
         return None;

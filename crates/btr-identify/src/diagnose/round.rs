@@ -65,7 +65,7 @@ fn attempt(
     if objective.description.has_contact {
         return judge_rivals(objective, state, rivals).into_iter().collect();
     }
-    let before = state.rivals.clone();
+    let points_before = state.rivals.clone();
     let judged = judge_rivals(objective, state, rivals.clone());
     // Of a prescribed motion no probe predicts too little.
     if objective.description.is_decoupled {
@@ -77,7 +77,7 @@ fn attempt(
     }
     let others = not_fitted(objective, &rivals, offered);
     let late = last_chance_of_the_best(objective, &state.fit, &others, &rivals[0].fit);
-    let (ranked, points) = (state.rounds.pop(), std::mem::replace(&mut state.rivals, before));
+    let (ranked, points) = (state.rounds.pop(), std::mem::replace(&mut state.rivals, points_before));
     let again = judge_rivals(objective, state, best_of_each(rivals.into_iter().chain(late).collect()));
     if again.is_none() && judged.is_some() {
         // What the held-out logs contradict does not take the place of what they confirmed.

@@ -67,7 +67,7 @@ fn effects_instead(
     let fitted = offered.into_iter().zip(amplitudes).zip(sizes);
     let instead = fitted.filter(|((_, amplitude), size)| {
         let with = size.and_then(|size| moved.with(objective, *amplitude, size));
-        with.is_some_and(|with| measure.criterion(&with) - measure.criterion(fit) <= DECISIVE)
+        with.is_some_and(|with| measure.behind(&with, fit) <= DECISIVE)
     });
     Some(instead.map(|((candidate, _), _)| candidate).collect())
 }

@@ -44,6 +44,11 @@ impl ComparisonMeasure {
         likelihood + fit.active.len() as f64 * (self.samples / self.memory).ln()
     }
 
+    /// How far a fit is behind another one, in units of B: negative where it is better.
+    pub fn behind(&self, fit: &FitPoint, other: &FitPoint) -> f64 {
+        self.criterion(fit) - self.criterion(other)
+    }
+
     /// What a sum of squares of such a residual contributes to B.
     pub fn scaled(&self, squares: f64) -> f64 {
         squares / self.inflation()

@@ -70,7 +70,7 @@ fn is_better(objective: &Objective, state: &DiagnosisState, then: &Rival) -> boo
     let learnt = |fit: &FitPoint| own::learnt(objective, candidate, fit);
     let confirms =
         |now: f64| own::held_out(objective, candidate, &then.u).is_some_and(|then| then < (1.0 - HELD_OUT_FALL) * now);
-    measure.criterion(now) - measure.criterion(then) > DECISIVE
+    measure.behind(now, then) > DECISIVE
         && learnt(then) < (1.0 - LEARNT_FALL) * learnt(now)
         && state.own_held_out(objective, candidate).is_none_or(confirms)
 }
@@ -180,7 +180,7 @@ pub(super) fn accept_pair(
     let Pair { index, effect, companion } = pair;
     let before = LogErrors::of(objective, companion.candidate, &state.fit, state.held_out);
     let measure = ComparisonMeasure::of(objective, &state.fit);
-    let gained = measure.criterion(&state.fit) - measure.criterion(&companion.fit);
+    let gained = measure.behind(&state.fit, &companion.fit);
     state.fit = companion.fit;
     state.fit.jacobian = None;
     state.fit.solve(objective, SearchBudget::FULL);

@@ -61,7 +61,7 @@ impl Weight {
         let judged = state.own_held_out(objective, candidate).zip(own::held_out(objective, candidate, &then.u));
         let falls = |from: f64, to: f64| to < (1.0 - HELD_OUT_FALL) * from;
         let measure = ComparisonMeasure::of(objective, now);
-        let costs = measure.criterion(then) - measure.criterion(now);
+        let costs = measure.behind(then, now);
         if costs <= DECISIVE && judged.is_some_and(|(now, then)| falls(now, then)) {
             return Weight::More;
         }
@@ -76,7 +76,7 @@ impl Weight {
 fn declare_alike(objective: &Objective, state: &mut DiagnosisState, pair: Pair) {
     let (candidates, measure) = (objective.candidates(), ComparisonMeasure::of(objective, &state.fit));
     let Pair { index, effect, companion } = pair;
-    let costs = (measure.criterion(&companion.fit) - measure.criterion(&state.fit)).clamp(-TIE, TIE);
+    let costs = measure.behind(&companion.fit, &state.fit).clamp(-TIE, TIE);
     let found = &mut state.chosen[index];
     let name = format!("{} + {}", candidates[effect].name(), candidates[companion.candidate].name());
     found.share_with(vec![(name, (-costs / 2.0).exp())]);

@@ -42,11 +42,14 @@ impl DiagnosisState {
             candidates[c].needs == Needs::Nothing && !found.alike.contains(&candidates[c].name()) && !self.is_chosen(c)
         };
         let measure = ComparisonMeasure::of(objective, &self.fit);
-        let behind = |rival: &Rival| measure.criterion(&rival.fit) - measure.criterion(&self.fit);
         let close = found.close.iter().copied().filter(is_new);
         let fitted = close.filter_map(|candidate| self.in_place(objective, index, candidate));
         let borne_out = fitted.filter(|rival| self.is_borne_out(objective, rival.candidate, &rival.fit));
-        let mut rivals: Vec<(Rival, f64)> = borne_out.map(|rival| (rival.clone(), behind(&rival))).collect();
+        let with_distance = |rival: Rival| {
+            let behind = measure.behind(&rival.fit, &self.fit);
+            (rival, behind)
+        };
+        let mut rivals: Vec<(Rival, f64)> = borne_out.map(with_distance).collect();
         rivals.sort_by(|(_, a), (_, b)| a.total_cmp(b));
         rivals
     }
@@ -56,7 +59,7 @@ impl DiagnosisState {
         let candidates = objective.candidates();
         let chosen = self.chosen[index].candidate;
         let measure = ComparisonMeasure::of(objective, &self.fit);
-        let behind = |rival: &Rival| measure.criterion(&rival.fit) - measure.criterion(&self.fit);
+        let behind = |rival: &Rival| measure.behind(&rival.fit, &self.fit);
         let others = rivals.iter().map(|(rival, _)| rival).filter(|rival| rival.candidate != chosen);
         let alike: Vec<&Rival> = others.filter(|rival| behind(rival) <= DECISIVE).collect();
         if alike.is_empty() {
@@ -82,7 +85,7 @@ impl DiagnosisState {
             let alike: Vec<usize> = (0..candidates.len()).filter(was_alike).collect();
             let fitted: Vec<Option<Rival>> = alike.iter().map(|&c| self.in_place(objective, index, c)).collect();
             let measure = ComparisonMeasure::of(objective, &self.fit);
-            let behind = |fit: &FitPoint| measure.criterion(fit) - measure.criterion(&self.fit);
+            let behind = |fit: &FitPoint| measure.behind(fit, &self.fit);
             let is_told = |rival: &Rival| behind(&rival.fit) > DECISIVE && self.explains_clearly_more(objective, rival);
             let told: Vec<String> =
                 fitted.iter().flatten().filter(|r| is_told(r)).map(|r| candidates[r.candidate].name()).collect();

@@ -28,10 +28,11 @@ impl DiagnosisState {
             later -= 1;
             let found = &mut self.chosen[later];
             let both = format!("{}@{} + {}@{}", gone.effect, gone.site, found.effect, found.site);
+            found.take_over(&gone);
+            found.turn_into(rival.candidate, &objective.candidates()[rival.candidate]);
             // What the later one could not be told from was said of it beside the other one.
             found.alike.clear();
             found.rivals.clear();
-            found.take_over(&gone);
             self.put_in_place(objective, later, rival, (costs, both));
             self.ladder.last().into_iter().for_each(on_step);
             objective.set_stoppable(true);
@@ -58,7 +59,7 @@ impl DiagnosisState {
             rival.fit.solve(objective, SearchBudget::FULL);
         }
         let measure = ComparisonMeasure::of(objective, &self.fit);
-        let costs = measure.criterion(&rival.fit) - measure.criterion(&self.fit);
+        let costs = measure.behind(&rival.fit, &self.fit);
         (costs <= TIE && self.is_borne_out(objective, rival.candidate, &rival.fit)).then_some((rival, costs))
     }
 }

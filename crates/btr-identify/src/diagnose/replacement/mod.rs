@@ -175,7 +175,7 @@ impl DiagnosisState {
     /// Replaces a finding by a simpler one that explains as much, unless the held-out logs contradict it.
     fn rename_if_it_will_do(&mut self, objective: &Objective, index: usize, rival: Rival) {
         let measure = ComparisonMeasure::of(objective, &self.fit);
-        let costs = measure.criterion(&rival.fit) - measure.criterion(&self.fit);
+        let costs = measure.behind(&rival.fit, &self.fit);
         let inside = objective.candidates()[self.chosen[index].candidate].nested.contains(&rival.candidate);
         let will_do =
             costs <= TIE || inside && !earns_its_parameters(objective, rival.candidate, &self.fit, &rival.fit);
@@ -231,7 +231,7 @@ impl DiagnosisState {
         let rival = if candidates.is_empty() { None } else { self.replaced(objective, &[index], candidates) };
         let Some(rival) = rival else { return false };
         let measure = ComparisonMeasure::of(objective, &rival.fit);
-        let gains = measure.criterion(&self.fit) - measure.criterion(&rival.fit);
+        let gains = measure.behind(&self.fit, &rival.fit);
         let held_out = |fit: &FitPoint| own::held_out(objective, rival.candidate, &fit.u);
         let now = self.own_held_out(objective, rival.candidate);
         let then = self.held_out.and_then(|_| held_out(&rival.fit));
@@ -264,8 +264,8 @@ impl DiagnosisState {
         self.put_in_place(objective, index, rival, (costs, before));
     }
 
-    /// Puts a rival in the place of a finding, or of several in which the `before` one is the last; `costs` is how far
-    /// it is behind, in units of B.
+    /// Puts a rival in the place of a finding; `before` names what it takes the place of, which may be more than that
+    /// one, and `costs` is how far it is behind, in units of B.
     fn put_in_place(&mut self, objective: &Objective, index: usize, rival: Rival, (costs, before): (f64, String)) {
         let candidates = objective.candidates();
         let (effect, found) = (&candidates[rival.candidate], &mut self.chosen[index]);

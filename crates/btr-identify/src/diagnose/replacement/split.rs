@@ -58,7 +58,7 @@ impl DiagnosisState {
     fn will_do(&self, objective: &Objective, parts: &Parts) -> bool {
         let measure = ComparisonMeasure::of(objective, &self.fit);
         let candidate = parts.candidates[0];
-        let ties = measure.criterion(&parts.fit) - measure.criterion(&self.fit) <= TIE;
+        let ties = measure.behind(&parts.fit, &self.fit) <= TIE;
         let learnt = |fit: &FitPoint| own::learnt(objective, candidate, fit);
         let hardly = learnt(&self.fit) >= (1.0 - LEARNT_FALL) * learnt(&parts.fit);
         (ties || hardly) && self.is_borne_out(objective, candidate, &parts.fit)
@@ -91,7 +91,7 @@ impl DiagnosisState {
         let after = LogErrors::of(objective, part, &self.fit, self.held_out);
         let at_first = self.own_at_first(objective, part).unwrap_or(self.unexplained_at_first);
         let measure = ComparisonMeasure::of(objective, &self.fit);
-        let gained = measure.criterion(&without) - measure.criterion(&self.fit);
+        let gained = measure.behind(&without, &self.fit);
         let found = &mut self.chosen[index];
         found.evidence = Evidence::of(&before, &after, at_first);
         found.delta_bic = gained;

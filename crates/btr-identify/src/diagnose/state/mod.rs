@@ -145,7 +145,7 @@ impl DiagnosisState {
             let without = self.without(objective, index);
             let measure = ComparisonMeasure::of(objective, &self.fit);
             let needless = without.filter(|fit| {
-                let costs = measure.criterion(fit) - measure.criterion(&self.fit);
+                let costs = measure.behind(fit, &self.fit);
                 let left = |fit: &FitPoint| own::learnt(objective, self.chosen[index].candidate, fit);
                 costs <= DECISIVE || left(fit) <= (1.0 + LEARNT_FALL) * left(&self.fit)
             });

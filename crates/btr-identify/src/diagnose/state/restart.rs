@@ -10,9 +10,9 @@ use crate::fit::{FitPoint, Objective, SearchBudget};
 const PERTURBATION: (f64, f64) = (0.15, 0.5);
 /// ... and how often at most, while the cost falls below this share each time.
 const PERTURBATIONS: usize = 3;
+const LOWER: f64 = 0.99;
 /// The budget for each restart.
 const NEARBY: SearchBudget = SearchBudget { jacobians: 0, steps: 6 };
-const LOWER: f64 = 0.99;
 
 impl DiagnosisState {
     /// The error jumps where a joint switches between sticking and slipping, and a search stops before a jump: restarts

@@ -208,7 +208,7 @@ def _fall(effect: doc.EffectReport, ladder: list[doc.LadderStep]) -> str:
     known = before.held_out is not None and after.held_out is not None
     held_out = f" (held out: from {before.held_out:.2f} to {after.held_out:.2f})" if known else ""
     learnt = f"from {before.train:.2f} to {after.train:.2f} noise floors"
-    return f" that there was at first: the error fell {learnt}{held_out}"
+    return f"; with it, the error fell {learnt}{held_out}"
 
 
 def _probability(support: doc.Support) -> str:
