@@ -1,12 +1,7 @@
 """The studio without its page: what was done to a model, and what can be undone."""
 
-import json
 import math
-import os
-import subprocess
-import sys
 import threading
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,40 +11,12 @@ import numpy as np
 
 import btr
 from btr._studio import panels
-from btr._studio.candidates import added, candidates, plain
 from btr._studio.replay import Errors
-from btr._studio.saved import Saved
 from btr._studio.session import PART_TAKES_S, Session
-from btr._studio.step import Step
 from btr._studio.work import Cancelled, Latest
+from studio_sessions import FRICTION, ROBOTS, Diagnosed, arm, diagnosed
 
-ROBOTS = Path(__file__).parents[2] / "robots"
-FRICTION = "coulomb_friction@yaw"
-
-
-def session_of_arm(folder: Path) -> Session:
-    session = Session(ROBOTS / "arm.toml", [ROBOTS / "arm/learn_1.csv"], [ROBOTS / "arm/held_out_1.csv"], folder=folder)
-    session.compare()
-    return session
-
-
-@pytest.fixture
-def arm(tmp_path: Path) -> Session:
-    return session_of_arm(tmp_path)
-
-
-class Diagnosed:
-    """A session that was diagnosed, and what it told: lengths of the ladder, and batches so far."""
-
-    def __init__(self, folder: Path) -> None:
-        self.session = session_of_arm(folder)
-        self.heard: list[tuple[int, int | None]] = []
-        self.session.diagnose(lambda: self.heard.append((len(self.session.ladder), self.session.batches)))
-
-
-@pytest.fixture(scope="module")
-def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> Diagnosed:
-    return Diagnosed(tmp_path_factory.mktemp("diagnosed"))
+__all__ = ["arm", "diagnosed"]
 
 
 def test_errors_are_those_of_compare(arm: Session) -> None:
@@ -99,50 +66,6 @@ def test_a_ladder_has_the_steps_that_were_not_told(arm: Session, monkeypatch: py
     monkeypatch.setattr("btr._studio.session.diagnose", found)
     arm.diagnose()
     assert arm.ladder == [(name, error, None) for name, error in steps]
-
-
-def test_suspects_have_the_order_of_the_ladder() -> None:
-    common = {"parameters": [], "alike": [], "probability": 0.9, "established": True, "rivals": []}
-    effects = [{**common, "effect": effect, "site": "yaw"} for effect in ("backlash", "coulomb_friction")]
-    estimate = {"name": "kp@yaw", "unit": "1", "value": 1.0, "ci95": None, "at_bound": False, "by_bounds": False}
-    value = {**common, "value": "kp", "site": "yaw", "parameters": [{**estimate, "in_model": 2.0}]}
-    steps = ("model as it stands", "+ kp@yaw", "+ asymmetric_friction@yaw", "+ backlash@yaw")
-    steps = (*steps, "coulomb_friction@yaw for asymmetric_friction@yaw")
-    ladder = [{"step": step, "train": 1.0, "held_out": None} for step in steps]
-    document = {"verdict": "effect_missing", "effects": effects, "wrong_values": [value], "ranking": []}
-    found = candidates(btr.DiagnoseResult({**document, "error_ladder": ladder}, None, None, None))
-    assert [each.title for each in found] == ["kp@yaw", "backlash@yaw", "coulomb_friction@yaw"]
-    assert found[1].beside == ("kp@yaw",)
-
-
-def test_cards_say_what_is_known_of_a_suspect(diagnosed: Diagnosed) -> None:
-    first, *others = diagnosed.session.candidates
-    assert first.names == (FRICTION,) and first.established and first.probability > 0.5
-    assert "sign(dq)" in first.law and "square wave" in first.shows
-    assert first.values[0].startswith("coulomb_friction.torque@yaw = 0.2")
-    presliding = next(other for other in others if other.names == ("presliding_friction@yaw",))
-    assert others and all(0.0 <= other.probability < 0.5 for other in others) and presliding.probability > 0.01
-    share = f"{100 * presliding.probability:.0f} %"
-    assert f"cannot tell it from presliding_friction@yaw (probability {share})" in panels.card(first)
-    assert f"probability {share}, held-out error" in panels.card(presliding)
-    assert any("probability &lt; 1 %" in panels.card(other) for other in others)
-    assert FRICTION not in [name for other in others for name in other.names]
-
-
-def test_a_value_that_is_wrong_is_a_suspect() -> None:
-    estimate = {"name": "mass@upper", "unit": "kg", "value": 0.5, "ci95": None, "at_bound": True, "by_bounds": False}
-    rivals = [{"name": None, "probability": 0.07}, {"name": "payload@upper", "probability": 0.03}]
-    value = {"value": "mass", "site": "upper", "alike": [], "probability": 0.9, "established": True, "rivals": rivals}
-    report = {**value, "parameters": [{**estimate, "in_model": 0.7}]}
-    other = {**report, "parameters": [{**estimate, "name": "mass@fore", "in_model": 0.6}]}
-    document = {"verdict": "value_wrong", "effects": [], "wrong_values": [report, other], "ranking": []}
-    document["error_ladder"] = []
-    card, second = candidates(btr.DiagnoseResult(document, None, None, None))
-    assert "found beside mass@upper: add that first, or all" in panels.card(second)
-    assert "found beside" not in panels.card(card)
-    assert card.names == ("mass@upper",)
-    assert card.law == "mass@upper: 0.5 kg in the logs, 0.7 in the model"
-    assert "the rest of the probability: the model without it 7 %, payload@upper 3 %" in panels.card(card)
 
 
 def test_a_fit_tells_what_ended_at_a_bound(arm: Session) -> None:
@@ -221,14 +144,6 @@ def test_a_change_ends_a_preview(arm: Session) -> None:
     assert arm.previewed is None
 
 
-def test_what_is_saved_in_a_preview_is_the_present_model(arm: Session, tmp_path: Path) -> None:
-    arm.preview([FRICTION])
-    saved = arm.save()
-    assert btr.load_model(saved.model).values == arm.history[0].model.values
-    assert "coulomb_friction" not in saved.report.read_text()
-    assert arm.previewed is None, "what is shown is what was saved"
-
-
 def test_a_diagnosis_belongs_to_its_model(arm: Session) -> None:
     first = arm.diagnose()
     missing, ladder = arm.diagnosis, arm.ladder
@@ -257,74 +172,10 @@ def test_a_diagnosis_keeps_the_values_set_by_hand(arm: Session) -> None:
     assert arm.undo().diagnosis is arm.diagnosis and arm.is_diagnosed
 
 
-def test_what_was_added_is_no_suspect(arm: Session) -> None:
-    arm.diagnose()
-    assert FRICTION in [name for suspect in arm.candidates for name in suspect.names] and arm.added == []
-    arm.add([FRICTION])
-    assert arm.candidates and FRICTION not in [name for suspect in arm.candidates for name in suspect.names]
-    (added,) = arm.added
-    assert added.names == (FRICTION,) and "sign(dq)" in added.law
-
-
-def test_what_was_added_keeps_what_it_cannot_be_told_from(diagnosed: Diagnosed) -> None:
-    found, other = diagnosed.session.diagnosis, "presliding_friction@yaw"
-    ((likely,),) = [[rival for rival in found.effects[0].rivals if rival.name == other]]
-    (card,) = added([FRICTION], [found])
-    share = f"{100 * likely.probability:.0f} %"
-    assert f"cannot tell it from {other} (probability {share})" in panels.card(card)
-    (card,) = added([other], [found])
-    assert card.names == (other,) and f"cannot tell it from {FRICTION} (probability" in panels.card(card)
-    assert all(not card.alike for card in added([FRICTION, other], [found])), "no other one is left"
-    assert added([FRICTION], []) == [plain(FRICTION)] and added(["backlash@yaw"], [found])[0].alike == ()
-
-
 def test_the_page_tells_no_call_of_the_library(diagnosed: Diagnosed) -> None:
     found = diagnosed.session.diagnosis
     assert "btr.fit" in found._headline() and "btr." not in found._finding()
     assert found._finding().startswith(f"missing: {FRICTION}")
-
-
-def test_doubts_are_those_of_the_logs_until_a_fit_explains_some(arm: Session, tmp_path: Path) -> None:
-    arm.check()
-    assert arm.doubts is not None and list(arm.doubts.findings) == [], "these logs are fine"
-    log = btr.load_log(ROBOTS / "arm/learn_1.csv")
-    late = np.concatenate([np.full(15, log["q_yaw"][0]), log["q_yaw"][:-15]])
-    session = Session(arm.model, btr.Log(log.clock_s, {**log.to_dict(), "q_yaw": late}), folder=tmp_path)
-    assert session.doubts is None
-    session.check()
-    checked = session.doubts.findings
-    late_by = next(sentence for *_, sentence in checked if "yaw follows its command after" in sentence)
-    assert ("doubtful", "log 1", late_by) in checked and all(severity != "fine" for severity, *_ in checked)
-    told = panels.doubts(session.doubts)
-    assert "doubtful, log 1:" in told and "late for a servo" in told and "before any fit" in told
-    fit = session.fit().fit
-    fit.doubts = [fit.doubts[0]]
-    assert len(session.doubts.findings) == 1 and "Of the fit" in session.doubts.of
-    session.set_values({"kp@yaw": 19.0})
-    assert session.doubts.findings == checked
-
-
-def test_what_was_done_is_told_with_the_change_of_the_error(diagnosed: Diagnosed) -> None:
-    notices = pytest.importorskip("btr._studio.notices", reason="the studio needs viser")
-    model, before, after = diagnosed.session.model, (20.4, 21.3), (1.02, 0.999)
-    fell = "from 20.4 to 1.02 noise floors (held out: from 21.3 to 1.00)"
-    step = Step(f"+ {FRICTION}", model)
-    assert notices.changed(step, before, after) == f"Added {FRICTION}: the error went {fell}."
-    removed = notices.changed(replace(step, label="- a@b"), after, before)
-    assert removed.startswith("Removed a@b: the error went from 1.02")
-    assert notices.changed(replace(step, label="fitted"), before, after).startswith("Fitted: ")
-    assert notices.previewed(["a@b"], before, after) == f"Preview of a@b: the error would go {fell}. Nothing is added."
-    assert notices.diagnosed(diagnosed.session.diagnosis) == f"Diagnosis done: effect missing ({FRICTION})."
-
-
-def test_rivals_without_an_experiment_are_told() -> None:
-    told = pytest.importorskip("btr._studio.cause", reason="the studio needs viser").told_next
-    effect = SimpleNamespace(alike=["backlash@yaw", "tilt@base"])
-    alone = SimpleNamespace(next_experiment=None, effects=[effect], wrong_values=[SimpleNamespace(alike=["tilt@base"])])
-    sentence = "No motion in the range of these logs separates what was found from backlash@yaw, tilt@base."
-    assert sentence in told(alone)
-    effect.alike, alone.wrong_values = [], []
-    assert told(alone) == ""
 
 
 def test_the_motion_of_the_next_experiment_is_shown() -> None:
@@ -453,34 +304,6 @@ def test_a_damaged_log_is_left_out_and_told(tmp_path: Path) -> None:
         Session(ROBOTS / "arm.toml", [tmp_path / "missing.csv"])
 
 
-def test_what_is_saved_comes_to_the_same(arm: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    arm.add([FRICTION])
-    saved, again = arm.save(), arm.save()
-    assert saved.model.name == "arm-studio.toml" and again.model.name == "arm-studio-2.toml"
-    assert btr.load_model(saved.model).values == arm.model.values
-    assert "<html" in saved.report.read_text()
-    assert_scripts_come_to(saved, tmp_path)
-
-
-def test_values_set_by_hand_are_in_the_scripts(arm: Session, tmp_path: Path) -> None:
-    arm.set_values({"kp@yaw": 18.0, "mass@upper": 0.6123456789})
-    saved = arm.save()
-    assert btr.load_model(saved.model).values["kp@yaw"] == 18.0 and "btr fit" not in saved.shell.read_text()
-    assert_scripts_come_to(saved, tmp_path)
-    arm.add([FRICTION])
-    arm.set_values({"kp@yaw": 18.5, "coulomb_friction.torque@yaw": 0.31})
-    assert_scripts_come_to(arm.save(), tmp_path)
-
-
-def test_scripts_run_in_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(ROBOTS)
-    session = Session("arm.toml", ["arm/learn_1.csv"], held_out=["arm/held_out_1.csv"], folder=tmp_path)
-    session.set_values({"kp@yaw": 18.0})
-    saved = session.save()
-    assert os.access(saved.shell, os.X_OK)
-    assert_scripts_come_to(saved, tmp_path)
-
-
 def test_the_title_of_a_model_names_all_that_was_added(arm: Session) -> None:
     assert arm.step.title == arm.step.label
     arm.add([FRICTION])
@@ -488,59 +311,6 @@ def test_the_title_of_a_model_names_all_that_was_added(arm: Session) -> None:
     assert arm.step.title == f"+ {FRICTION} + viscous_friction@elbow"
     arm.set_values({"kp@yaw": 18.0})
     assert arm.step.title == f"+ {FRICTION} + viscous_friction@elbow set by hand"
-
-
-def test_a_model_that_was_not_changed_is_not_fitted_by_the_scripts(arm: Session, tmp_path: Path) -> None:
-    assert_scripts_come_to(arm.save(), tmp_path)
-
-
-def test_the_saved_model_says_that_older_comments_may_no_longer_hold(arm: Session, tmp_path: Path) -> None:
-    assert "Saved by" not in arm.save().model.read_text(), "nothing was done"
-    arm.add([FRICTION])
-    arm.set_values({"kp@yaw": 18.5, "mass@upper": 0.6123456789})
-    saved = arm.save()
-    begin = saved.model.read_text().partition("# Nominal model")[0].splitlines()
-    assert begin[0].startswith("#:schema") and begin[1].startswith("# Written by btr")
-    done = "coulomb_friction@yaw added; fitted; set by hand: kp@yaw = 18.5, mass@upper = 0.6123."
-    comment = " ".join(line.removeprefix("# ") for line in begin[2:])
-    older = "The comments below are older: what they say may no longer hold."
-    assert comment == f"Saved by btr studio from arm.toml: {done} {older}"
-    again = Session(saved.model, [ROBOTS / "arm/learn_1.csv"], folder=tmp_path)
-    again.set_values({"kp@yaw": 19.0})
-    text = again.save().model.read_text()
-    assert text.count("Saved by btr studio") == text.count("no longer hold") == 1 and "from arm-studio-2.toml" in text
-    assert text.partition("# Nominal model")[2] == again.model.text.partition("# Nominal model")[2]
-
-
-def assert_scripts_come_to(saved: Saved, folder: Path) -> None:
-    """Runs both scripts without their diagnosis, and compares the models that they write with the saved one."""
-    wanted = btr.load_model(saved.model)
-    (folder / "bin").mkdir(exist_ok=True)
-    program = folder / "bin/btr"
-    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m btr "$@"\n')
-    program.chmod(0o755)
-    paths = {"PATH": f"{program.parent}:{os.environ['PATH']}", "BTR_PYTHON": sys.executable}
-    for interpreter, script in (("sh", saved.shell), (sys.executable, saved.python)):
-        place = folder / saved.model.stem / script.suffix
-        place.mkdir(parents=True)
-        lines = [line for line in script.read_text().splitlines() if "diagnose" not in line]
-        (place / "script").write_text("\n".join(lines))
-        environment = {**os.environ, **paths}
-        subprocess.run([interpreter, "script"], cwd=place, env=environment, check=True, timeout=300)
-        assert btr.load_model(place / "result.toml").values == wanted.values, script
-        assert (place / "result.html").read_text().count("<html") == 1
-
-
-def test_logs_in_memory_have_no_scripts(tmp_path: Path) -> None:
-    model = btr.load_model(ROBOTS / "arm.toml")
-    columns = btr.load_log(ROBOTS / "arm/learn_1.csv").to_dict() | {"t": [0.01 * k for k in range(401)]}
-    session = Session(model, columns, folder=tmp_path)
-    assert session.runs[0].name == "log 1"
-    saved = session.save()
-    assert saved.shell is None and saved.python is None and saved.model.exists()
-    assert json.dumps(sorted(path.suffix for path in tmp_path.iterdir())) == '[".html", ".toml"]'
-    changed = Session(model.at({"kp@yaw": 19.0}), ROBOTS / "arm/learn_1.csv", folder=tmp_path).save()
-    assert changed.shell is None and changed.python is None, "the file has another value"
 
 
 def test_only_the_latest_redraw_counts() -> None:
