@@ -291,14 +291,19 @@ def follow(told: Vector, move: Callable[[float], float]) -> Vector:
 
 
 def simulate(robot: Robot, hidden: list[Hidden], episode: Episode, numerics: Numerics, carried: Vector) -> Motion:
-    """The motion at every step from the episode's beginning to its last tick."""
+    """The motion at every step from the episode's beginning to the last reading."""
     model = plant(robot, hidden, numerics, carried)
     data = mujoco.MjData(model)
     places = [int(model.joint(joint).qposadr[0]) for joint in robot.joints]
     tick_steps = round(episode.tick_s / numerics.step_s)
     settle = round(SETTLE_S / episode.tick_s) * tick_steps
     told = np.repeat(episode.commands[:-1], tick_steps, axis=0)
-    told = np.concatenate([np.repeat(episode.commands[:1], settle, axis=0), told])
+    # A clock that runs slow takes its last readings after the last tick: the robot goes on under its last command.
+    skew = sum(h.values["skew"] for h in hidden if h.effect == "clock_skew")
+    after = math.ceil(max(0.0, 1.0 / (1.0 + skew) - 1.0) * len(told))
+    told = np.concatenate(
+        [np.repeat(episode.commands[:1], settle, axis=0), told, np.repeat(episode.commands[-1:], after, axis=0)]
+    )
     for h in hidden:
         if h.site in robot.joints:
             i = robot.at(h.site)
