@@ -6,6 +6,7 @@
 
 mod linear;
 mod onset;
+mod searched;
 mod start_point;
 
 use super::own;
@@ -13,6 +14,7 @@ use crate::fit::{FitPoint, LogSet, Objective, corrected, shared, squares};
 use crate::residual_model::{EffectCandidate, Needs, Parametrisation};
 use btr_core::signal::ripple::ripples;
 use linear::{BasePoint, STRETCH};
+use searched::found_in_error;
 use start_point::ProbeSizes;
 use start_point::is_switched;
 pub(crate) use start_point::{StartPoint, has_two_sides, is_searched, with};
@@ -35,8 +37,6 @@ const FINE: ProbeSizes = ProbeSizes {
 const FAR: ProbeSizes = ProbeSizes { amplitudes: &[6.0, 24.0], limits: &[], compliances: &[] };
 /// How many orders of ripples are tried that the error shows.
 const ORDERS: usize = 4;
-/// How many sizes are probed that are searched in the error, and how many directions of joints.
-const SEARCHED: usize = 4;
 /// Largest share of the cost that a joint leaves which counted the other way round.
 const HALF: f64 = 0.5;
 /// How many candidates pass the first pass, and how many of those that show in one joint's channel alone.
@@ -125,25 +125,6 @@ fn that_halve_the_cost(objective: &Objective, bases: &[FitPoint], mut starts: Ve
     simulate(objective, bases, &mut starts);
     starts.retain(|start| start.cost < HALF * bases[start.base].cost);
     best(starts, 1)
-}
-
-/// The sizes of candidates that the error shows, those first that may explain most of it.
-fn found_in_error(objective: &Objective, index: usize, base: &FitPoint, searched: &[usize]) -> Vec<StartPoint> {
-    let residuals = base.by_log(objective);
-    let sizes = |&candidate: &usize| {
-        let sizes =
-            objective.candidates()[candidate].amplitudes.iter().flat_map(|&k| objective.model.sizes(k, &residuals));
-        sizes.map(move |(size, explained)| (candidate, size, explained))
-    };
-    let mut found: Vec<(usize, f64, f64)> = searched.iter().flat_map(sizes).collect();
-    found.sort_by(|a, b| b.2.total_cmp(&a.2));
-    let start = |(candidate, size, _): (usize, f64, f64)| {
-        let mut u = base.u.clone();
-        objective.candidates()[candidate].amplitudes.iter().for_each(|&k| u[k] = objective.parameters()[k].clamp(size));
-        StartPoint { candidate, base: index, u, cost: f64::INFINITY }
-    };
-    let (switched, sizes): (Vec<_>, Vec<_>) = found.into_iter().partition(|one| is_switched(objective, one.0));
-    sizes.into_iter().take(SEARCHED).chain(switched.into_iter().take(SEARCHED)).map(start).collect()
 }
 
 /// The starts of a candidate; for ripples, also with the orders that the error in a log shows.
