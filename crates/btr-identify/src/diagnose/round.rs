@@ -104,6 +104,7 @@ pub(super) fn rivals(
     }
     let once_more = leaves_much(objective, &rivals)
         && !hardly
+        && !explains_most(state, &rivals)
         && !leaves_more_than(RUN_OFF, objective, state, &rivals)
         && second_looks.allow(objective);
     let screened = if once_more { starts.as_slice() } else { &[] };
@@ -161,7 +162,7 @@ fn first_rivals(
         let is_needed = match look {
             Look::AtTheWhole if has_run_off => is_far && !explains_most(state, &rivals),
             Look::AtTheWhole => rivals.first().is_none_or(|leader| state.leaves_something(objective, &leader.fit)),
-            Look::InWindows => is_far && second_looks.allow(objective),
+            Look::InWindows => is_far && !explains_most(state, &rivals) && second_looks.allow(objective),
         };
         if is_needed {
             let (others, screened) = match look {
