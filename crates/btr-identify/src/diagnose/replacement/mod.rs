@@ -150,18 +150,30 @@ impl DiagnosisState {
     /// may not have brought that law as far as this one.
     pub(super) fn simplify_latest(&mut self, objective: &Objective) {
         let Some(index) = self.chosen.len().checked_sub(1) else { return };
+        let fitted = self.nested_in_place(objective, index, |_| true).into_iter();
+        if let Some(rival) = fitted.min_by(|a, b| a.fit.cost.total_cmp(&b.fit.cost)) {
+            self.rename_if_it_will_do(objective, index, rival);
+        }
+    }
+
+    /// The laws that a finding contains and that are asked about, each fitted in its place from its values.
+    pub(super) fn nested_in_place(
+        &self,
+        objective: &Objective,
+        index: usize,
+        is_asked: impl Fn(usize) -> bool,
+    ) -> Vec<Rival> {
         let nested = &objective.candidates()[self.chosen[index].candidate].nested;
-        let nested: Vec<usize> = nested.iter().copied().filter(|&candidate| !self.is_chosen(candidate)).collect();
-        let Some(less) = (!nested.is_empty()).then(|| self.less(objective, &[index])).flatten() else { return };
-        let fitted = self.carried_over(objective, index, &nested).into_iter().filter_map(|start| {
+        let nested: Vec<usize> = nested.iter().copied().filter(|&law| !self.is_chosen(law) && is_asked(law)).collect();
+        let less = if nested.is_empty() { None } else { self.less(objective, &[index]) };
+        let Some(less) = less else { return Vec::new() };
+        let fitted = |start: StartPoint| {
             let active = with(&less, &objective.candidates()[start.candidate]);
             let mut fit = FitPoint::at(objective, active, start.u, &self.fit.step_error).ok()?;
             own::solve(objective, start.candidate, &mut fit, SearchBudget::FULL);
             Some(Rival { candidate: start.candidate, fit })
-        });
-        if let Some(rival) = fitted.min_by(|a, b| a.fit.cost.total_cmp(&b.fit.cost)) {
-            self.rename_if_it_will_do(objective, index, rival);
-        }
+        };
+        self.carried_over(objective, index, &nested).into_iter().filter_map(fitted).collect()
     }
 
     /// Whether the held-out logs do not contradict what takes the place of a finding.
