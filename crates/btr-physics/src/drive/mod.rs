@@ -40,11 +40,11 @@ pub trait Drive: Send + Sync {
         self.command(start_s, command);
     }
 
-    /// Writes the prescribed motion of each joint (counted as in `command`) at `time_s`; `None` where only references
-    /// are known.
-    fn motions(&self, time_s: f64, motions: &mut [Option<Motion>]) {
+    /// Writes the prescribed motions of some joints (counted as in `command`) at `time_s`, each in its joint's place;
+    /// `None` where only references are known.
+    fn motions(&self, time_s: f64, joints: &[usize], motions: &mut [Option<Motion>]) {
         let _ = time_s;
-        motions.fill(None);
+        joints.iter().for_each(|&joint| motions[joint] = None);
     }
 
     /// Over how long the readings of prescribed motions are means, in s; 0 where each is of one instant.
@@ -78,8 +78,8 @@ impl<D: Drive + ?Sized> Drive for std::sync::Arc<D> {
         (**self).over(start_s, end_s, command);
     }
 
-    fn motions(&self, time_s: f64, motions: &mut [Option<Motion>]) {
-        (**self).motions(time_s, motions);
+    fn motions(&self, time_s: f64, joints: &[usize], motions: &mut [Option<Motion>]) {
+        (**self).motions(time_s, joints, motions);
     }
 
     fn mean_s(&self) -> f64 {

@@ -140,7 +140,7 @@ impl Drive for Replay {
         self.mean_s
     }
 
-    fn motions(&self, time_s: f64, motions: &mut [Option<Motion>]) {
+    fn motions(&self, time_s: f64, joints: &[usize], motions: &mut [Option<Motion>]) {
         let i = self.held(time_s);
         let since_s = time_s - self.clock_s[i];
         let until_s = self.clock_s.get(i + 1).map(|next_s| next_s - time_s);
@@ -150,8 +150,8 @@ impl Drive for Replay {
             }
             _ => motion[i],
         };
-        for (to, motion) in motions.iter_mut().zip(&self.motions) {
-            *to = motion.as_ref().map(at);
+        for &joint in joints {
+            motions[joint] = self.motions.get(joint).and_then(Option::as_ref).map(at);
         }
     }
 

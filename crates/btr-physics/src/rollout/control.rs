@@ -29,7 +29,9 @@ pub(crate) struct Control<'a> {
     states: Vec<(f64, f64)>,
     /// The motions of prescribed joints over the step.
     motions: Vec<Option<PrescribedMotion>>,
-    /// All joints' motions at the beginning and at the end of the step.
+    /// The prescribed joints.
+    prescribed: Vec<usize>,
+    /// Their motions at the beginning and at the end of the step, in their places among all joints.
     ends: [Vec<Option<Motion>>; 2],
     neighbours: NeighbourTracker,
 }
@@ -55,8 +57,8 @@ impl<'a> Control<'a> {
         let joints = joint_controls(robot, effects, setup)?;
         let reference = ReferenceTracker::new(drive, setup.control_s, joints.len());
         let coupled = effects.iter().any(|placed| placed.effect.spec().site == SiteKind::Robot);
-        let prescribed = joints.iter().any(|joint| joint.motor.is_prescribed());
-        let prescribed_torques = if prescribed { vec![f64::NAN; joints.len()] } else { Vec::new() };
+        let prescribed: Vec<usize> = (0..joints.len()).filter(|&joint| joints[joint].motor.is_prescribed()).collect();
+        let prescribed_torques = if prescribed.is_empty() { Vec::new() } else { vec![f64::NAN; joints.len()] };
         let (dt_s, begins_s) = (setup.dt_s, setup.begins_s);
         let (states, motions) = (Vec::with_capacity(joints.len()), vec![None; joints.len()]);
         let ends = [vec![None; joints.len()], vec![None; joints.len()]];
@@ -71,6 +73,7 @@ impl<'a> Control<'a> {
             prescribed_torques,
             states,
             motions,
+            prescribed,
             ends,
             neighbours,
         })
@@ -166,12 +169,12 @@ impl<'a> Control<'a> {
     fn follow_motions(&mut self, time_s: f64) {
         let drive = self.reference.drive;
         let [from, to] = &mut self.ends;
-        drive.motions(time_s, from);
-        drive.motions(time_s + self.dt_s, to);
+        drive.motions(time_s, &self.prescribed, from);
+        drive.motions(time_s + self.dt_s, &self.prescribed, to);
         let mean_s = drive.mean_s();
-        for ((joint, motion), (from, to)) in self.joints.iter().zip(&mut self.motions).zip(from.iter().zip(&*to)) {
-            let ends = from.zip(*to).filter(|_| joint.motor.is_prescribed());
-            *motion = ends.map(|(from, to)| PrescribedMotion { from, to, mean_s });
+        for &joint in &self.prescribed {
+            let ends = from[joint].zip(to[joint]);
+            self.motions[joint] = ends.map(|(from, to)| PrescribedMotion { from, to, mean_s });
         }
     }
 

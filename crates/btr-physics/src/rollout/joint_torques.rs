@@ -37,8 +37,11 @@ pub fn joint_torques(request: RolloutRequest) -> Result<Log, WorldError> {
             torques: Vec::with_capacity(samples),
         })
         .collect();
-    let mut motions = MotionTracker::new(drive, &setup, robot.movable().count());
     let mut neighbours = NeighbourTracker::new(&robot, &placed)?;
+    let mut seen: Vec<usize> = acting.iter().map(|joint| joint.index).chain(neighbours.read()).collect();
+    seen.sort_unstable();
+    seen.dedup();
+    let mut motions = MotionTracker::new(drive, &setup, robot.movable().count(), seen);
     let rest_steps = (setup.rest_s / setup.dt_s).round() as usize;
     for step in 0..=rest_steps + (samples - 1) * steps_per_sample {
         motions.advance((step as f64 - rest_steps as f64) * setup.dt_s);
@@ -79,6 +82,10 @@ impl ActingJoint<'_> {
 /// The joints' motions, step by step.
 struct MotionTracker<'a> {
     drive: &'a dyn Drive,
+    /// Over how long each reading is a mean, in s.
+    mean_s: f64,
+    /// The joints whose motions are needed; those of the others stay unknown.
+    seen: Vec<usize>,
     dt_s: f64,
     /// Start time on the clock of time-dependent laws.
     begins_s: f64,
@@ -91,9 +98,11 @@ struct MotionTracker<'a> {
 }
 
 impl<'a> MotionTracker<'a> {
-    fn new(drive: &'a dyn Drive, setup: &Setup, joints: usize) -> Self {
+    fn new(drive: &'a dyn Drive, setup: &Setup, joints: usize, seen: Vec<usize>) -> Self {
         MotionTracker {
             drive,
+            mean_s: drive.mean_s(),
+            seen,
             dt_s: setup.dt_s,
             begins_s: setup.begins_s,
             time_s: 0.0,
@@ -105,12 +114,12 @@ impl<'a> MotionTracker<'a> {
 
     fn advance(&mut self, time_s: f64) {
         self.time_s = time_s;
-        self.drive.motions(time_s, &mut self.motions);
-        let joints = self.states.iter_mut().zip(&mut self.accelerations).zip(&self.motions);
-        for (((q, dq), acceleration), motion) in joints {
-            let (to, velocity) = motion.map_or((0.0, 0.0), |motion| (motion.value, motion.velocity));
-            *acceleration = if dq.is_nan() { 0.0 } else { (velocity - *dq) / self.dt_s };
-            (*q, *dq) = (to, velocity);
+        self.drive.motions(time_s, &self.seen, &mut self.motions);
+        for &joint in &self.seen {
+            let (to, velocity) = self.motions[joint].map_or((0.0, 0.0), |motion| (motion.value, motion.velocity));
+            let before = self.states[joint].1;
+            self.accelerations[joint] = if before.is_nan() { 0.0 } else { (velocity - before) / self.dt_s };
+            self.states[joint] = (to, velocity);
         }
     }
 
@@ -120,7 +129,7 @@ impl<'a> MotionTracker<'a> {
 
     /// The motion of a joint at the beginning of the coming step, and what effects on it read.
     fn of(&self, joint: usize) -> Option<(PrescribedMotion, JointInput<'static>)> {
-        let (from, mean_s) = (self.motions[joint]?, self.drive.mean_s());
+        let (from, mean_s) = (self.motions[joint]?, self.mean_s);
         let input = JointInput {
             time_s: self.begins_s + self.time_s,
             dt_s: self.dt_s,

@@ -268,13 +268,16 @@ impl IdentificationProblem {
     /// What torques at joints contribute to the residual of a log.
     fn contributed(&self, log: usize, torques: &Log) -> Vec<f64> {
         let recorded = &self.recorded[self.parts[log].scenario];
-        let of_channel = |channel: &MeasuredChannel| match torques.channel(&channel.name) {
-            Some(torque) => {
-                let predicted = interpolate(torques.clock_s(), &torque.values, recorded.clock_s());
-                predicted.iter().map(|torque| -torque / channel.sigma).collect()
+        let mut residual = Vec::with_capacity(self.logs[log].rows());
+        for channel in &self.logs[log].channels {
+            match torques.channel(&channel.name) {
+                Some(torque) => {
+                    let predicted = interpolate(torques.clock_s(), &torque.values, recorded.clock_s());
+                    residual.extend(predicted.iter().map(|torque| -torque / channel.sigma));
+                }
+                None => residual.resize(residual.len() + channel.samples.len(), 0.0),
             }
-            None => vec![0.0; channel.samples.len()],
-        };
-        self.logs[log].channels.iter().flat_map(of_channel).collect()
+        }
+        residual
     }
 }
