@@ -292,9 +292,8 @@ impl FitPoint {
 
     /// The local quadratic model of half the cost.
     pub(crate) fn quadratic_model(&self, objective: &Objective, jacobian: &DMatrix<f64>) -> QuadraticModel {
-        let residual = DVector::from_column_slice(&self.residual);
         let curvature = objective.curvature(jacobian, objective.logs(LogSet::Learn), &self.active);
-        let gradient = jacobian.tr_mul(&residual);
+        let gradient = blocks::gradient(jacobian, &self.residual);
         self.with_priors(objective.parameters(), curvature, gradient)
     }
 

@@ -4,7 +4,7 @@
 
 use crate::fit::rollouts::rows_near;
 use crate::residual_model::{ModelDescription, RecordedLog};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -79,16 +79,35 @@ pub(in crate::fit) struct Block {
     columns: Vec<usize>,
 }
 
+/// Jᵀr, by several threads. Each number is the dot product that `tr_mul` has.
+pub(crate) fn gradient(jacobian: &DMatrix<f64>, residual: &[f64]) -> DVector<f64> {
+    let residual = DVectorView::from_slice(residual, residual.len());
+    let sums: Vec<f64> = (0..jacobian.ncols()).into_par_iter().map(|k| jacobian.column(k).dot(&residual)).collect();
+    DVector::from_vec(sums)
+}
+
+/// MᵀM, where each number off the diagonal is computed once.
+fn squared(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = matrix.ncols();
+    let mut products = DMatrix::zeros(n, n);
+    for i in 0..n {
+        for j in i..n {
+            let product = matrix.column(i).dot(&matrix.column(j));
+            (products[(i, j)], products[(j, i)]) = (product, product);
+        }
+    }
+    products
+}
+
 /// JᵀJ. Without blocks, the Jacobian is dense.
 pub(in crate::fit) fn curvature(jacobian: &DMatrix<f64>, blocks: &[Block]) -> DMatrix<f64> {
     if blocks.is_empty() {
-        return jacobian.tr_mul(jacobian);
+        return squared(jacobian);
     }
     let parts: Vec<(&Vec<usize>, &Range<usize>)> =
         blocks.iter().flat_map(|Block { rows, columns }| rows.iter().map(move |rows| (columns, rows))).collect();
     let sums = |(columns, rows): &(&Vec<usize>, &Range<usize>)| {
-        let part = jacobian.rows(rows.start, rows.len()).select_columns(*columns);
-        part.tr_mul(&part)
+        squared(&jacobian.rows(rows.start, rows.len()).select_columns(*columns))
     };
     let sums: Vec<DMatrix<f64>> = parts.par_iter().map(sums).collect();
     let mut curvature = DMatrix::zeros(jacobian.ncols(), jacobian.ncols());
@@ -138,6 +157,14 @@ mod tests {
     #[test]
     fn sums_over_blocks_are_those_over_the_whole() {
         assert_eq!(curvature(&jacobian(), &blocks()), curvature(&jacobian(), &[]));
+    }
+
+    #[test]
+    fn products_have_the_bits_of_plain_ones() {
+        let jacobian = DMatrix::from_fn(1003, 7, |i, k| (1.7 * i as f64 + k as f64).sin());
+        let residual = DVector::from_fn(1003, |i, _| (0.3 * i as f64).cos());
+        assert_eq!(curvature(&jacobian, &[]), jacobian.tr_mul(&jacobian));
+        assert_eq!(gradient(&jacobian, residual.as_slice()), jacobian.tr_mul(&residual));
     }
 
     #[test]

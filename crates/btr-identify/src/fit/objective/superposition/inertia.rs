@@ -1,11 +1,15 @@
 //! The response of a residual to inertias, in which it is linear where the motion is prescribed: learnt direction by
 //! direction from simulations, and added up from then on.
 
+use rayon::prelude::*;
+
 /// Sizes by which the numbers of a link are compared: its mass, mass times centre of mass, and inertia.
 const SIZES: [f64; 10] = [1.0, 0.1, 0.1, 0.1, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01];
 /// A change with less than this share in directions that are not known is added up; with more than the second, it makes
 /// a new direction known. Between them, rounding would be magnified too much.
 const SHARES: [f64; 2] = [1e-10, 1e-4];
+/// Rows that a thread adds up at a time: they stay in its cache.
+const ROWS: usize = 2048;
 
 /// Directions of inertias with their responses.
 pub(super) struct InertiaResponse {
@@ -29,8 +33,16 @@ impl InertiaResponse {
         let rows = self.known.first().map_or(0, |(_, response)| response.len());
         let mut change = vec![0.0; rows];
         let seen = |share: &f64| share.abs() > f64::EPSILON * whole;
-        along.iter().zip(&self.known).filter(|(share, _)| seen(share)).for_each(|(share, (_, response))| {
-            add(&mut change, *share, response);
+        let terms: Vec<(f64, &[f64])> = along
+            .into_iter()
+            .zip(&self.known)
+            .filter(|(share, _)| seen(share))
+            .map(|(share, (_, response))| (share, response.as_slice()))
+            .collect();
+        // Each row is the same sum in the same order, whichever thread has it.
+        change.par_chunks_mut(ROWS).enumerate().for_each(|(part, change)| {
+            let rows = part * ROWS..part * ROWS + change.len();
+            terms.iter().for_each(|(share, response)| add(change, *share, &response[rows.clone()]));
         });
         Some(change)
     }

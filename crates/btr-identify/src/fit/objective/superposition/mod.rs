@@ -198,8 +198,12 @@ fn sum(problem: Problem, found: &Found, part: &Parts, of_links: Option<&[f64]>) 
     for added in &part.added {
         let key = part.laws(added);
         let change = get(&key)?;
-        let rows = problem.rows(&key).into_iter().flatten();
-        rows.zip(change.iter()).for_each(|(row, change)| residual[row] += added.factor * change);
+        let mut changes = change.as_slice();
+        for rows in problem.rows(&key) {
+            let (here, later) = changes.split_at(rows.len().min(changes.len()));
+            residual[rows].iter_mut().zip(here).for_each(|(r, change)| *r += added.factor * change);
+            changes = later;
+        }
     }
     Ok(residual)
 }
@@ -222,7 +226,9 @@ impl Problem<'_> {
 
     /// What differs in these rows.
     fn change(&self, key: &Key, with: &[f64], base: &[f64]) -> Vec<f64> {
-        self.rows(key).into_iter().flatten().map(|row| finite(with[row] - base[row])).collect()
+        let of =
+            |rows: Range<usize>| with[rows.clone()].iter().zip(&base[rows]).map(|(with, base)| finite(with - base));
+        self.rows(key).into_iter().flat_map(of).collect()
     }
 
     /// The point of a key, and its log.
