@@ -8,6 +8,7 @@ use super::solve::FitPoint;
 use crate::residual_model::FitParameter;
 use btr_core::world::WorldError;
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 /// Step of fine differences, as a share of the usual step.
 const FINE: f64 = 0.1;
@@ -89,11 +90,7 @@ impl FitPoint {
     /// zero.
     pub fn differentiate(&mut self, objective: &Objective) {
         let columns = columns(objective, &self.u, &self.active, &self.residual, &self.step_error);
-        let mut jacobian = DMatrix::zeros(self.residual.len(), self.active.len());
-        for (k, column) in columns.iter().enumerate() {
-            jacobian.column_mut(k).copy_from_slice(column);
-        }
-        (self.jacobian, self.fresh) = (Some(jacobian), true);
+        (self.jacobian, self.fresh) = (Some(self.jacobian_of(&columns)), true);
     }
 
     /// Takes the Jacobian by finer differences of second order: central ones, or one-sided ones next to a bound. The
@@ -113,9 +110,17 @@ impl FitPoint {
                 }
             }
         }
-        let mut jacobian = DMatrix::zeros(self.residual.len(), self.active.len());
-        slopes.iter().enumerate().for_each(|(k, slope)| jacobian.column_mut(k).copy_from_slice(&slope.column));
-        (self.jacobian, self.fresh) = (Some(jacobian), true);
+        let columns: Vec<Vec<f64>> = slopes.into_iter().map(|slope| slope.column).collect();
+        (self.jacobian, self.fresh) = (Some(self.jacobian_of(&columns)), true);
+    }
+
+    /// A Jacobian with these columns.
+    fn jacobian_of(&self, columns: &[Vec<f64>]) -> DMatrix<f64> {
+        let rows = self.residual.len();
+        let mut jacobian = DMatrix::zeros(rows, columns.len());
+        let places = jacobian.as_mut_slice().par_chunks_mut(rows.max(1));
+        places.zip(columns).for_each(|(to, column)| to.copy_from_slice(column));
+        jacobian
     }
 
     /// Differences of second order for some parameters, with steps of a share of their reach. Zero where they cannot be
@@ -140,7 +145,7 @@ impl FitPoint {
             (Ok(near), Ok(far)) => Slope::new(*stencil, &here, &near, &far),
             _ => Slope { column: vec![0.0; here.len()], bend: 0.0 },
         };
-        stencils.iter().zip(near.into_iter().zip(far)).map(slope).collect()
+        stencils.par_iter().zip(near.into_par_iter().zip(far)).map(slope).collect()
     }
 
     /// Takes the Jacobian with steps as wide as the uncertainty that the logs leave: fine differences first, then once
@@ -298,5 +303,5 @@ pub fn columns(
         // A parameter whose step cannot be simulated is not searched.
         Err(_) => vec![0.0; residual.len()],
     };
-    active.iter().zip(residuals).map(column).collect()
+    active.par_iter().zip(residuals).map(column).collect()
 }

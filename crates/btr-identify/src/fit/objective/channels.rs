@@ -7,6 +7,7 @@ use crate::fit::rollouts::{rows_near, shared};
 use crate::residual_model::RecordedLog;
 use btr_core::world::WorldError;
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 use std::ops::Range;
 
 impl Objective<'_> {
@@ -60,18 +61,19 @@ impl Objective<'_> {
             point
         };
         let residuals = self.residuals(&groups.iter().map(together).collect::<Vec<_>>(), LogSet::Learn);
-        let mut of_points: Vec<_> = points.iter().map(|_| Ok(Vec::new())).collect();
-        for (group, residual) in groups.iter().zip(residuals) {
-            for &k in group {
-                of_points[k] = residual.as_ref().map_err(Clone::clone).map(|residual| {
-                    let near = channels_of(points[k].0);
-                    let mut own = if near.is_empty() { residual.clone() } else { usual.to_vec() };
-                    let rows = if near.is_empty() { Vec::new() } else { self.rows_near(LogSet::Learn, near) };
-                    rows.into_iter().for_each(|rows| own[rows.clone()].copy_from_slice(&residual[rows]));
-                    own
-                });
+        let mut group_of = vec![0; points.len()];
+        groups.iter().enumerate().for_each(|(number, group)| group.iter().for_each(|&k| group_of[k] = number));
+        let of_point = |((parameter, _), &group): (&(usize, Vec<f64>), &usize)| {
+            let residual = residuals[group].as_ref().map_err(Clone::clone)?;
+            let near = channels_of(*parameter);
+            if near.is_empty() {
+                return Ok(residual.clone());
             }
-        }
-        of_points
+            let mut own = usual.to_vec();
+            let rows = self.rows_near(LogSet::Learn, near).into_iter();
+            rows.for_each(|rows| own[rows.clone()].copy_from_slice(&residual[rows]));
+            Ok(own)
+        };
+        points.par_iter().zip(&group_of).map(of_point).collect()
     }
 }

@@ -7,6 +7,7 @@ use crate::fit::rollouts::{Answer, each};
 use crate::fit::time_step::extrapolation;
 use crate::residual_model::{ResidualRequest, TimeStep};
 use btr_core::world::{Cancelled, WorldError};
+use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 
 /// Bound of the integrator's estimated error at a sample, in multiples of the noise.
@@ -44,6 +45,7 @@ impl Objective<'_> {
         for (k, part) in parts.into_iter().enumerate() {
             let of_point = &mut residuals[k % points.len()];
             match (of_point.as_mut(), part) {
+                (Ok(residual), Ok(part)) if residual.is_empty() => *residual = part,
                 (Ok(residual), Ok(part)) => residual.extend(part),
                 (Ok(_), Err(error)) => *of_point = Err(error),
                 (Err(_), _) => {}
@@ -84,7 +86,7 @@ impl Objective<'_> {
             joint_parts: &|points| self.each(&borrowed(points), &joint_parts, &|_, residual| residual),
         };
         let residuals = self.superposition.residuals(problem, points);
-        points.iter().zip(residuals).map(|((_, log), residual)| self.known(*log, residual)).collect()
+        points.par_iter().zip(residuals).map(|((_, log), residual)| self.known(*log, residual)).collect()
     }
 
     /// The residual of a log with the response to its start state projected out; missing samples are zero.
