@@ -72,6 +72,7 @@ pub fn capped(support: &Support) -> Option<String> {
         CapReason::Series => {
             "together with what is found beside it, it can follow nearly any law of this joint".to_owned()
         }
+        CapReason::SamePlace => "one cause that btr does not know may be behind all that is found here".to_owned(),
         CapReason::UncertainSize => "these logs do not tell its size from none beside the others".to_owned(),
         CapReason::LittleExplained => "two simulators of one robot differ by as much as it explains".to_owned(),
         CapReason::ParameterAtBound => "a free parameter ended at its bound (listed below)".to_owned(),

@@ -3,8 +3,8 @@
 use super::own;
 use super::report::{CapReason, Evidence, MissingEffect, Verdict};
 use super::thresholds::{
-    AT_MOST, AT_MOST_IN_SERIES, AT_MOST_LITTLE, AT_MOST_UNCERTAIN, AT_MOST_UNSTABLE, CONSIDERABLE, EXPLAINED,
-    IN_MOST_LOGS, MOSTLY, NEGLIGIBLE, NOISE, SERIES, STABLE,
+    AT_MOST, AT_MOST_BESIDE, AT_MOST_IN_SERIES, AT_MOST_LITTLE, AT_MOST_UNCERTAIN, AT_MOST_UNSTABLE, CONSIDERABLE,
+    EXPLAINED, IN_MOST_LOGS, MOSTLY, NEGLIGIBLE, NOISE, SERIES, STABLE,
 };
 use crate::LadderStep;
 use crate::fit::residual_vector::{ResidualVector, chi, squares};
@@ -198,6 +198,19 @@ pub(super) fn doubt_series(candidates: &[EffectCandidate], findings: &mut [Missi
     for found in findings.iter_mut() {
         if with_others.iter().any(|one| first(found) == *one || is_beside(found, one)) {
             found.cap(AT_MOST_IN_SERIES, CapReason::Series);
+        }
+    }
+}
+
+/// Bounds the probabilities of findings at one place, companions and further instances apart: one effect that is not
+/// in the library may be behind both.
+pub(super) fn doubt_neighbours(candidates: &[EffectCandidate], findings: &mut [MissingEffect]) {
+    let is_own = |found: &&MissingEffect| candidates[found.candidate].needs == Needs::Nothing;
+    let own: Vec<(usize, String)> =
+        findings.iter().filter(is_own).map(|found| (found.candidate, found.site.clone())).collect();
+    for found in findings.iter_mut() {
+        if own.iter().any(|(other, site)| *other != found.candidate && *site == found.site) {
+            found.cap(AT_MOST_BESIDE, CapReason::SamePlace);
         }
     }
 }

@@ -128,6 +128,8 @@ pub enum CapReason {
     UncertainSize,
     /// It is found beside several instances of a similar effect: together they can follow nearly any law.
     Series,
+    /// Another effect is found at the same place: one that is not in the library may be behind both.
+    SamePlace,
     /// It explains next to nothing, on training and held-out logs: two simulators differ by as much.
     LittleExplained,
     /// A free parameter ended at its bound, which is no limit of physics.

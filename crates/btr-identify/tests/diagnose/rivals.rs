@@ -26,7 +26,9 @@ fn what_was_alike_and_explains_less_beside_the_rest_is_told_apart() {
             let part = |rate: f64| swing(rate, log, t);
             u[0] * part(3.0) + u[1] * part(5.0) + u[2] * (part(5.0) + differs * part(7.0)) + u[3] * part(11.0)
         };
-        SyntheticModel::new(&["right", "similar", "other"], &[0.4, 20.0, 0.0, 15.0], motion).diagnosis()
+        let mut model = SyntheticModel::new(&["right", "similar", "other"], &[0.4, 20.0, 0.0, 15.0], motion);
+        model.candidates[2].site = "there".to_owned();
+        model.diagnosis()
     };
     let told = ask(0.05);
     assert_eq!((told.verdict, names(&told)), (Verdict::EffectMissing, vec!["right", "other"]));
@@ -213,6 +215,26 @@ fn what_only_training_logs_show_replaces_a_similar_effect() {
     assert_ne!(names(&model.diagnosis()), ["part", "other"]);
 }
 
+/// One cause that is not among the candidates may be behind two findings at one place.
+#[test]
+fn no_name_is_certain_beside_another_one_at_its_place() {
+    let ask = |site: &str| {
+        let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+            u[0] * swing(3.0, log, t) + u[1] * swing(5.0, log, t) + u[2] * swing(11.0, log, t)
+        };
+        let mut model = SyntheticModel::new(&["one", "other"], &[0.4, 9.0, 8.0], motion);
+        model.candidates[1].site = site.to_owned();
+        model.diagnosis()
+    };
+    let [together, apart] = ["here", "there"].map(ask);
+    assert_eq!((together.verdict, names(&together)), (Verdict::EffectMissing, names(&apart)));
+    for (found, beside) in apart.effects.iter().zip(&together.effects) {
+        let cap = beside.probability_cap.as_ref().unwrap();
+        assert!(found.probability > 0.99 && beside.probability <= 0.9, "{found:?}, {beside:?}");
+        assert_eq!(cap.reasons, [CapReason::SamePlace]);
+    }
+}
+
 /// A spring with ripples beside it can follow any torque that depends on the position.
 #[test]
 fn no_name_is_certain_beside_several_instances_of_a_similar_effect() {
@@ -222,7 +244,8 @@ fn no_name_is_certain_beside_several_instances_of_a_similar_effect() {
             u[0] * part(3.0) + u[1] * part(5.0) + u[2] * part(7.0) + u[3] * part(11.0)
         };
         let mut model = SyntheticModel::new(&["spring", "ripple", "ripple"], &[0.4, 9.0, 8.0, 7.0], motion);
-        (model.candidates[2].site, model.candidates[2].needs) = ("here#2".to_owned(), Needs::Instance(1));
+        (model.candidates[1].site, model.candidates[2].site) = ("there".to_owned(), "there#2".to_owned());
+        model.candidates[2].needs = Needs::Instance(1);
         if similar {
             (model.candidates[0].similar, model.candidates[1].similar) = (vec![1], vec![0]);
         }

@@ -18,6 +18,7 @@ class ProbabilityCap(Record):
             "unstable_size",
             "uncertain_size",
             "series",
+            "same_place",
             "little_explained",
             "parameter_at_bound",
             "error_left",
@@ -25,7 +26,8 @@ class ProbabilityCap(Record):
         ]
     ]
     """Why it is not 1: the size changes by more than half without `leave_one_out_log`, or may be none; with
-    several instances of a similar effect beside it, it can follow nearly any law (`series`); it explains less than a
+    several instances of a similar effect beside it, it can follow nearly any law (`series`); another effect is found at
+    the same place, and one that is not in the library may be behind both (`same_place`); it explains less than a
     hundredth of the error and less than the noise; a free parameter ended at its bound; the findings leave an error;
     or a further candidate would still explain something for certain (`left_over`)."""
 
