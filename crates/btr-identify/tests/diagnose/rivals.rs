@@ -235,6 +235,28 @@ fn no_name_is_certain_beside_another_one_at_its_place() {
     }
 }
 
+/// A law that depends on the direction is the same as its symmetric part beside an offset, unless it does more.
+#[test]
+fn a_part_of_a_law_beside_another_effect_takes_its_place_with_fewer_parameters() {
+    let ask = |beyond: f64| {
+        let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+            let part = |rate: f64| swing(rate, log, t);
+            let (both, differs) = (u[1] + u[2] + u[5], u[1] - u[2] + u[6]);
+            u[0] * part(3.0) + both * part(5.0) + differs * part(9.0) + u[3] * part(13.0) + u[4] * part(17.0)
+        };
+        let truth = [0.4, 0.0, 0.0, beyond, 0.0, 20.0, 5.0];
+        let mut model = SyntheticModel::new(&["whole", "back", "fast", "faster", "part", "offset"], &truth, motion);
+        model.candidates.drain(1..4);
+        let whole = &mut model.candidates[0];
+        (whole.amplitudes, whole.similar, whole.nested) = (vec![1, 2, 3, 4], vec![1], vec![1]);
+        model.candidates[1].similar = vec![0];
+        model.diagnosis()
+    };
+    let symmetric = ask(0.0);
+    assert_eq!((symmetric.verdict, names(&symmetric)), (Verdict::EffectMissing, vec!["part", "offset"]));
+    assert_eq!(names(&ask(5.0)), ["whole"]);
+}
+
 /// A spring with ripples beside it can follow any torque that depends on the position.
 #[test]
 fn no_name_is_certain_beside_several_instances_of_a_similar_effect() {
