@@ -18,6 +18,26 @@ fn an_effect_that_shows_on_one_side_only_is_found_there() {
     assert!((diagnosis.fit.u[1] + 1.5).abs() < 0.1, "{:?}", diagnosis.fit.u);
 }
 
+/// Starts that are wrong by much are read from the model before a small effect is looked for beside their error.
+#[test]
+fn starts_that_explain_most_of_what_is_left_come_before_the_next_effect() {
+    let ask = |wrong: f64| {
+        let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+            u[0] * swing(3.0, log, t) + u[1] * swing(5.0, log, t) + u[2] * swing(7.0, log, t)
+        };
+        let mut model = SyntheticModel::new(&["large", "small"], &[0.4, 12.0, 1.5], motion);
+        model.from_starts = Some(Arc::new(motion));
+        model.motion = Arc::new(move |u: &[f64], log, t, step| motion(u, log, t, step) + wrong * swing(11.0, log, t));
+        model.diagnosis()
+    };
+    let found = ask(5.0);
+    let steps: Vec<&str> = found.ladder.iter().skip(2).map(|step| step.step.as_str()).collect();
+    assert_eq!(steps, ["+ large@here", "starts re-estimated", "+ small@here"]);
+    // What is no larger than the effect that is missing may stand in for it.
+    let steps: Vec<String> = ask(1.5).ladder.into_iter().skip(2).map(|step| step.step).collect();
+    assert_eq!(steps, ["+ large@here", "+ small@here", "starts re-estimated"]);
+}
+
 #[test]
 fn a_stopped_diagnosis_names_the_first_of_what_a_whole_one_names() {
     let motion = |u: &[f64], log: usize, t: f64, _: f64| {

@@ -28,6 +28,8 @@ pub(crate) struct SyntheticModel {
     pub(crate) contact: bool,
     /// Number of samples of a log's beginning, where that can be predicted and the rest cannot.
     pub(crate) beginning: Option<usize>,
+    /// The motion from starts that are read from the model, where the usual ones are wrong.
+    pub(crate) from_starts: Option<Arc<Motion>>,
     /// The noiseless measurement as a function of coordinates, log, time in s, and divisor of the time step.
     pub(crate) motion: Arc<Motion>,
 }
@@ -94,6 +96,7 @@ impl SyntheticModel {
             measured: (0..3).map(measured).collect(),
             contact: false,
             beginning: None,
+            from_starts: None,
             motion: Arc::new(motion),
         }
     }
@@ -159,6 +162,10 @@ impl ResidualModel for SyntheticModel {
         match derivation {
             Derivation::Beginnings => (),
             Derivation::WithoutGlitchesAt(u) => return self.without_glitches_at(u),
+            Derivation::WithStartsAt(_) => {
+                let motion = self.from_starts.clone()?;
+                return Some(Box::new(SyntheticModel { motion, ..self.clone() }));
+            }
             _ => return None,
         }
         let mut short = SyntheticModel { beginning: None, ..self.clone() };
