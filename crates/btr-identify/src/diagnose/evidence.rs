@@ -202,14 +202,17 @@ pub(super) fn doubt_series(candidates: &[EffectCandidate], findings: &mut [Missi
     }
 }
 
-/// Bounds the probabilities of findings at one place, companions and further instances apart: one effect that is not
-/// in the library may be behind both.
+/// Bounds the probabilities of findings at one place, except companions and further instances: one effect that is not
+/// in the library may be behind both. What acts on all joints, or on the whole robot, is not at any place.
 pub(super) fn doubt_neighbours(candidates: &[EffectCandidate], findings: &mut [MissingEffect]) {
-    let is_own = |found: &&MissingEffect| candidates[found.candidate].needs == Needs::Nothing;
-    let own: Vec<(usize, String)> =
-        findings.iter().filter(is_own).map(|found| (found.candidate, found.site.clone())).collect();
+    let place = |found: &MissingEffect| {
+        let site = found.site.split('#').next().unwrap_or_default();
+        (candidates[found.candidate].needs == Needs::Nothing && site != "*").then(|| site.to_owned())
+    };
+    let places: Vec<String> = findings.iter().filter_map(place).collect();
     for found in findings.iter_mut() {
-        if own.iter().any(|(other, site)| *other != found.candidate && *site == found.site) {
+        let here = place(found);
+        if places.iter().filter(|other| Some(*other) == here.as_ref()).count() > 1 {
             found.cap(AT_MOST_BESIDE, CapReason::SamePlace);
         }
     }

@@ -42,7 +42,7 @@ use report::SecondLooks;
 use residual_law::residual_law;
 use round::round;
 use stand_ins::stand_ins;
-use state::DiagnosisState;
+use state::{DiagnosisState, Explains};
 use thresholds::{AT_MOST_AT_BOUNDS, AT_MOST_WITH_LEFT_OVER, LEFT_OVER};
 use together::two;
 
@@ -68,8 +68,9 @@ pub fn diagnose(
 }
 
 /// Continues without the glitches that show beside the fitted model, and with starts from it, for at most
-/// `restarts_left` times. Without contact, such starts are accepted if nothing else is left to explain: a model that
-/// lacks something prefers starts that compensate for it.
+/// `restarts_left` times. Without contact, such starts are accepted if nothing else is left to explain, or if they
+/// explain most of it and the held-out logs do not contradict that: a model that lacks something prefers starts that
+/// compensate for it.
 fn go_on_with_new_starts(
     objective: &mut Objective,
     question: DiagnoseOptions,
@@ -93,11 +94,16 @@ fn go_on_with_new_starts(
         return go_on(objective, question, state, on_step);
     }
     let mut again = objective.going_on(seen.as_deref().unwrap_or(objective.model), &state.fit.u);
-    if !contact && !state.is_explained_by(&again) {
-        objective.count(&again);
-        return go_on(objective, question, state, on_step);
+    let explains = if contact { Explains::Everything } else { state.explains_with(&again) };
+    let before = state.clone();
+    if explains != Explains::Little {
+        state.continue_with(&mut again, "starts re-estimated", &|_| ());
     }
-    state.continue_with(&mut again, "starts re-estimated", on_step);
+    if explains == Explains::Little || explains == Explains::Most && !state.is_no_worse_than(&before) {
+        objective.count(&again);
+        return go_on(objective, question, before, on_step);
+    }
+    state.ladder.last().into_iter().for_each(on_step);
     if !contact {
         // From the wrong starts, a simpler effect may have fitted worse.
         let all = 0..state.chosen.len();
@@ -177,7 +183,7 @@ fn go_on(
         state.tell_apart(objective);
     }
     if !cut_short && !objective.is_stopped() {
-        weigh_pairs(objective, &mut state, on_step);
+        weigh_pairs(objective, &mut state, question, on_step);
     }
     Diagnosis { cut_short, ..conclude(objective, question, state) }
 }

@@ -102,6 +102,7 @@ pub(super) fn rivals(
     if !explains_most(state, &rivals) {
         drop_effect(objective, leader, state).into_iter().for_each(|drop_effect| state.follow(objective, drop_effect));
     }
+    // A leader that explains most is a step on the way, and the next round looks again with it in place.
     let once_more = leaves_much(objective, &rivals)
         && !hardly
         && !explains_most(state, &rivals)
@@ -159,10 +160,11 @@ fn first_rivals(
     let has_run_off = leaves_more_than(RUN_OFF, objective, state, &[]);
     for look in if has_run_off { [Look::InWindows, Look::AtTheWhole] } else { [Look::AtTheWhole, Look::InWindows] } {
         let is_far = leaves_more_than(FAR, objective, state, &rivals);
+        let is_open = !explains_most(state, &rivals);
         let is_needed = match look {
-            Look::AtTheWhole if has_run_off => is_far && !explains_most(state, &rivals),
+            Look::AtTheWhole if has_run_off => is_far && is_open,
             Look::AtTheWhole => rivals.first().is_none_or(|leader| state.leaves_something(objective, &leader.fit)),
-            Look::InWindows => is_far && !explains_most(state, &rivals) && second_looks.allow(objective),
+            Look::InWindows => is_far && is_open && second_looks.allow(objective),
         };
         if is_needed {
             let (others, screened) = match look {

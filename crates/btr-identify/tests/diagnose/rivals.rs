@@ -218,15 +218,16 @@ fn what_only_training_logs_show_replaces_a_similar_effect() {
 /// One cause that is not among the candidates may be behind two findings at one place.
 #[test]
 fn no_name_is_certain_beside_another_one_at_its_place() {
-    let ask = |site: &str| {
+    let ask = |sites: [&str; 2]| {
         let motion = |u: &[f64], log: usize, t: f64, _: f64| {
             u[0] * swing(3.0, log, t) + u[1] * swing(5.0, log, t) + u[2] * swing(11.0, log, t)
         };
         let mut model = SyntheticModel::new(&["one", "other"], &[0.4, 9.0, 8.0], motion);
-        model.candidates[1].site = site.to_owned();
+        model.candidates.iter_mut().zip(sites).for_each(|(candidate, site)| candidate.site = site.to_owned());
         model.diagnosis()
     };
-    let [together, apart] = ["here", "there"].map(ask);
+    let [together, apart, of_the_robot] = [["here"; 2], ["here", "there"], ["*"; 2]].map(ask);
+    assert!(of_the_robot.effects.iter().all(|found| found.probability > 0.99));
     assert_eq!((together.verdict, names(&together)), (Verdict::EffectMissing, names(&apart)));
     for (found, beside) in apart.effects.iter().zip(&together.effects) {
         let cap = beside.probability_cap.as_ref().unwrap();
@@ -254,6 +255,8 @@ fn a_part_of_a_law_beside_another_effect_takes_its_place_with_fewer_parameters()
     };
     let symmetric = ask(0.0);
     assert_eq!((symmetric.verdict, names(&symmetric)), (Verdict::EffectMissing, vec!["part", "offset"]));
+    assert!(symmetric.effects.iter().all(|found| found.evidence.established), "{:?}", symmetric.effects);
+    assert_eq!(symmetric.effects[0].alike, ["whole@here"]);
     assert_eq!(names(&ask(5.0)), ["whole"]);
 }
 

@@ -3,24 +3,35 @@
 //! depends on the direction: whichever comes first explains everything, and the other would never be tried.
 
 use super::pair::{Pair, accept_pair, fitted_together};
+use super::with_each;
 use crate::LadderStep;
 use crate::diagnose::own;
-use crate::diagnose::refit::{FOLLOWER, Rival};
-use crate::diagnose::report::RivalPoint;
-use crate::diagnose::screen::{screen, with};
+use crate::diagnose::refit::Rival;
+use crate::diagnose::report::{DiagnoseOptions, RivalPoint};
 use crate::diagnose::state::DiagnosisState;
 use crate::diagnose::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
 use crate::fit::measure::ComparisonMeasure;
 use crate::fit::{FitPoint, Objective, SearchBudget};
 use crate::residual_model::Needs;
 
-/// Replaces findings by such a pair that the held-out logs bear clearly better, and declares both alike where they bear
-/// them equally well.
-pub(crate) fn weigh_pairs(objective: &mut Objective, state: &mut DiagnosisState, on_step: &dyn Fn(&LadderStep)) {
-    for index in 0..state.chosen.len() {
-        let pairs = [pair_inside(objective, state, index), pair_beside(objective, state, index)].into_iter().flatten();
-        let best = pairs.min_by(|a, b| a.companion.fit.cost.total_cmp(&b.companion.fit.cost));
-        let Some(mut pair) = best else { continue };
+/// Replaces findings by such a pair that explains as much with fewer parameters, or that the held-out logs bear clearly
+/// better, and declares both alike where they bear them equally well.
+pub(crate) fn weigh_pairs(
+    objective: &mut Objective,
+    state: &mut DiagnosisState,
+    question: DiagnoseOptions,
+    on_step: &dyn Fn(&LadderStep),
+) {
+    let mut next = 0;
+    while next < state.chosen.len() {
+        let index = next;
+        next += 1;
+        let is_allowed = state.effects(objective) < question.max_effects && question.allows(1.0, objective.rollouts());
+        let beside = if is_allowed { pair_beside(objective, state, index) } else { None };
+        let pairs = [pair_inside(objective, state, index), beside].into_iter().flatten();
+        let measure = ComparisonMeasure::of(objective, &state.fit);
+        let criterion = |pair: &Pair| measure.criterion(&pair.companion.fit);
+        let Some(mut pair) = pairs.min_by(|a, b| criterion(a).total_cmp(&criterion(b))) else { continue };
         pair.companion.fit.jacobian = None;
         pair.companion.fit.solve(objective, SearchBudget::FULL);
         if objective.is_stopped() {
@@ -28,12 +39,32 @@ pub(crate) fn weigh_pairs(objective: &mut Objective, state: &mut DiagnosisState,
         }
         objective.set_stoppable(false);
         match Weight::of(objective, state, &pair) {
-            Weight::More => accept_pair(objective, state, pair, on_step),
+            Weight::More if is_companion(objective, &pair) => accept_pair(objective, state, pair, on_step),
+            Weight::More => {
+                accept_both(objective, state, pair, on_step);
+                // The next finding has taken its place.
+                next = index;
+            }
             Weight::Same => declare_alike(objective, state, pair),
             Weight::Less => {}
         }
         objective.set_stoppable(true);
     }
+}
+
+/// Whether the second of a pair only changes how the first one acts.
+fn is_companion(objective: &Objective, pair: &Pair) -> bool {
+    objective.candidates()[pair.companion.candidate].needs != Needs::Nothing
+}
+
+/// Puts a pair of two causes of their own in the place of a finding. The law that contains one of them explains the
+/// logs as well: it stays alike.
+fn accept_both(objective: &Objective, state: &mut DiagnosisState, pair: Pair, on_step: &dyn Fn(&LadderStep)) {
+    let whole = objective.candidates()[state.chosen[pair.index].candidate].name();
+    let both = [pair.effect, pair.companion.candidate];
+    state.accept_parts(objective, pair.index, (both, pair.companion.fit), on_step);
+    let part = state.chosen.iter_mut().find(|found| found.candidate == pair.effect);
+    part.into_iter().for_each(|found| found.alike.push(whole.clone()));
 }
 
 /// The best pair of a law that a finding contains and a companion that does not act on the finding itself.
@@ -54,26 +85,25 @@ fn pair_inside(objective: &Objective, state: &DiagnosisState, index: usize) -> O
 /// The best pair of a law that a finding contains and another effect of the same place with one parameter, if both have
 /// fewer parameters than the finding.
 fn pair_beside(objective: &Objective, state: &DiagnosisState, index: usize) -> Option<Pair> {
+    // Where the motion is prescribed, commands move nothing.
+    if objective.description.is_decoupled {
+        return None;
+    }
     let candidates = objective.candidates();
     let found = &candidates[state.chosen[index].candidate];
     let size = |candidate: usize| candidates[candidate].parameters().count();
-    if objective.description.is_decoupled {
-        // Commands do not move anything there, and a law has been compared with two of its parts.
-        return None;
-    }
     let is_beside = |c: &usize| {
         let is_similar = found.similar.contains(c) || found.nested.contains(c);
         candidates[*c].needs == Needs::Nothing && candidates[*c].site == found.site && size(*c) == 1 && !is_similar
     };
     let companions: Vec<usize> = (0..candidates.len()).filter(|c| !state.is_chosen(*c)).filter(is_beside).collect();
+    if companions.is_empty() {
+        return None;
+    }
     let smaller = |law: usize| size(law) + 1 < found.parameters().count();
     let beside = |law: Rival| {
-        let mut bases = vec![law.fit];
-        let start = screen(objective, &mut bases, &companions).into_iter().next()?;
-        let active = with(&bases[0], &candidates[start.candidate]);
-        let mut fit = FitPoint::at(objective, active, start.u, &bases[0].step_error).ok()?;
-        own::solve(objective, start.candidate, &mut fit, FOLLOWER);
-        Some(Pair { index, effect: law.candidate, companion: Rival { candidate: start.candidate, fit } })
+        let companion = with_each(objective, &law.fit, &companions).into_iter().next()?;
+        Some(Pair { index, effect: law.candidate, companion })
     };
     let pairs = state.nested_in_place(objective, index, smaller).into_iter().filter_map(beside);
     pairs.min_by(|a, b| a.companion.fit.cost.total_cmp(&b.companion.fit.cost))
@@ -97,7 +127,8 @@ impl Weight {
         if costs <= DECISIVE && judged.is_some_and(|(now, then)| falls(now, then)) {
             return Weight::More;
         }
-        let is_beaten = learnt(now) < (1.0 - LEARNT_FALL) * learnt(then)
+        let is_beaten = (!is_companion(objective, pair) && costs > DECISIVE)
+            || learnt(now) < (1.0 - LEARNT_FALL) * learnt(then)
             || judged.is_some_and(|(now, then)| falls(then, now))
             || (state.held_out.is_some() && judged.is_none());
         match is_beaten {

@@ -34,7 +34,7 @@ impl DiagnosisState {
             let parts = if is_asked(self, index) { self.parts(objective, index) } else { None };
             match parts.filter(|parts| self.will_do(objective, parts)) {
                 // The next finding takes its place.
-                Some(parts) => self.accept_parts(objective, index, parts, on_step),
+                Some(parts) => self.accept_parts(objective, index, (parts.candidates, parts.fit), on_step),
                 None => index += 1,
             }
         }
@@ -64,18 +64,25 @@ impl DiagnosisState {
         (ties || hardly) && self.is_borne_out(objective, candidate, &parts.fit)
     }
 
-    fn accept_parts(&mut self, objective: &Objective, index: usize, parts: Parts, on_step: &dyn Fn(&LadderStep)) {
+    /// Puts two candidates, with their fit, in the place of a finding.
+    pub(in crate::diagnose) fn accept_parts(
+        &mut self,
+        objective: &Objective,
+        index: usize,
+        (parts, fit): ([usize; 2], FitPoint),
+        on_step: &dyn Fn(&LadderStep),
+    ) {
         let candidates = objective.candidates();
-        let [first, second] = parts.candidates;
+        let [first, second] = parts;
         let whole = self.chosen.remove(index);
         let step =
             format!("{} + {} for {}@{}", candidates[first].name(), candidates[second].name(), whole.effect, whole.site);
-        self.fit = parts.fit;
+        self.fit = fit;
         self.record(objective, step, on_step);
-        for part in [first, second] {
+        for part in parts {
             self.chosen.push(MissingEffect::of(part, &candidates[part], whole.probability, whole.delta_bic));
         }
-        for part in [first, second] {
+        for part in parts {
             self.weigh_part(objective, part);
         }
     }

@@ -4,17 +4,19 @@
 //! can produce as well is projected out, so that only the rest counts for a candidate. A first pass uses only the log
 //! with the largest error; the best candidates are then probed on all logs.
 
+mod costs;
 mod linear;
 mod onset;
 mod searched;
 mod start_point;
 
 use super::own;
-use crate::fit::{FitPoint, LogSet, Objective, corrected, shared, squares};
+use crate::fit::{FitPoint, LogSet, Objective, shared};
 use crate::residual_model::{EffectCandidate, Needs, Parametrisation};
 use btr_core::signal::ripple::ripples;
+pub(crate) use costs::{best, simulate, simulate_worst};
 use linear::{BasePoint, STRETCH};
-use searched::found_in_error;
+use searched::{SEARCHED, TO_A_SIDE, found_in_error};
 use start_point::ProbeSizes;
 use start_point::is_switched;
 pub(crate) use start_point::{StartPoint, has_two_sides, is_searched, with};
@@ -64,7 +66,10 @@ pub(super) fn rollouts(objective: &Objective) -> usize {
     let coarse = kinds.map(|kind| {
         probes(&candidates[kind[0]]) * shared(kind.iter().map(|&c| objective.description.channels_of(c))).len()
     });
-    coarse.sum::<usize>() + logs * FINE.amplitudes.len() * COARSE_PASS.0.min(candidates.len())
+    let sizes = (0..candidates.len()).filter(|&c| is_searched(objective, c)).count().min(SEARCHED);
+    coarse.sum::<usize>()
+        + sizes * (2 * TO_A_SIDE + 1)
+        + logs * FINE.amplitudes.len() * COARSE_PASS.0.min(candidates.len())
 }
 
 /// The most promising of the candidates `offered`, best first, with simulated costs. Each is probed from all bases and
@@ -166,18 +171,6 @@ fn goes_further(objective: &Objective, start: &StartPoint) -> bool {
     })
 }
 
-/// The best start of each candidate, best first, at most `most`.
-pub(super) fn best(mut starts: Vec<StartPoint>, most: usize) -> Vec<StartPoint> {
-    starts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let mut kept: Vec<StartPoint> = Vec::new();
-    for start in starts {
-        if kept.len() < most && kept.iter().all(|other| other.candidate != start.candidate) {
-            kept.push(start);
-        }
-    }
-    kept
-}
-
 /// The best start of each candidate, best first: at most `most` of those that show in all channels, and so many of each
 /// joint whose candidates show in its channel alone. Each joint is then a question of its own, and all are answered at
 /// once.
@@ -210,28 +203,4 @@ fn verify(objective: &Objective, bases: &[FitPoint], predicted: &[StartPoint]) -
     let rest = verified.len().min(PROMISED);
     verified[rest..].sort_by(|a, b| a.cost.total_cmp(&b.cost));
     verified
-}
-
-/// Simulates the cost of starts on the log with the largest error alone.
-pub(super) fn simulate_worst(objective: &Objective, base: &FitPoint, starts: &mut [StartPoint]) {
-    let Some((log, rows)) = objective.worst_logs(&base.residual, 1).pop() else { return };
-    let points: Vec<Vec<f64>> = starts.iter().map(|start| start.u.clone()).collect();
-    for (start, residual) in starts.iter_mut().zip(objective.residuals_of(&points, &[log])) {
-        let cost = |residual| squares(&corrected(residual, &base.step_error[rows.clone()]));
-        start.cost = residual.map_or(f64::INFINITY, cost);
-    }
-}
-
-/// Simulates the cost of starts; infinite where one cannot be simulated.
-pub(super) fn simulate(objective: &Objective, bases: &[FitPoint], starts: &mut [StartPoint]) {
-    let points: Vec<Vec<f64>> = starts.iter().map(|start| start.u.clone()).collect();
-    for (start, residual) in starts.iter_mut().zip(objective.residuals(&points, LogSet::Learn)) {
-        let base = &bases[start.base];
-        let active = with(base, &objective.candidates()[start.candidate]);
-        let cost = |residual| {
-            crate::fit::cost(objective.parameters(), &active, &start.u, &corrected(residual, &base.step_error))
-        };
-        // A start that cannot be simulated comes last.
-        start.cost = residual.map_or(f64::INFINITY, cost);
-    }
 }

@@ -1,14 +1,16 @@
 //! Sizes that no probe predicts: they are searched in the error, and then about what it shows.
 
+use super::costs::{best, simulate_worst};
 use super::start_point::{StartPoint, is_switched};
-use super::{best, simulate_worst};
 use crate::fit::{FitPoint, Objective};
 
-/// How many sizes are probed that are searched in the error, and how many directions of joints.
-const SEARCHED: usize = 4;
+/// How many candidates are probed whose sizes are searched in the error, and how many directions of joints.
+pub(super) const SEARCHED: usize = 4;
 /// How far about such a size others are simulated, as a share of it, and how many to each side.
 const ABOUT: f64 = 0.04;
-const TO_A_SIDE: i32 = 8;
+pub(super) const TO_A_SIDE: usize = 8;
+/// Least share by which the cost of another size is lower.
+const LOWER: f64 = 0.05;
 
 /// The sizes of candidates that the error shows, those first that may explain most of it.
 pub(super) fn found_in_error(
@@ -18,7 +20,7 @@ pub(super) fn found_in_error(
     searched: &[usize],
 ) -> Vec<StartPoint> {
     let residuals = base.by_log(objective);
-    // Of each candidate the best size comes first: the others must not crowd out another joint.
+    // Of each candidate the best size comes first: second sizes must not crowd out another joint.
     let sizes = |&candidate: &usize| {
         let sizes =
             objective.candidates()[candidate].amplitudes.iter().flat_map(|&k| objective.model.sizes(k, &residuals));
@@ -32,25 +34,26 @@ pub(super) fn found_in_error(
         StartPoint { candidate, base: index, u, cost: f64::INFINITY }
     };
     let (switched, sizes): (Vec<_>, Vec<_>) = found.into_iter().partition(|one| is_switched(objective, one.1));
-    let on_stairs = sizes.into_iter().take(SEARCHED).map(|one| sharpened(objective, base, &start(one)));
-    on_stairs.chain(switched.into_iter().take(SEARCHED).map(start)).collect()
+    let found: Vec<StartPoint> = sizes.into_iter().take(SEARCHED).map(start).collect();
+    let near: Vec<StartPoint> = found.iter().filter_map(|start| sharpened(objective, base, start)).collect();
+    found.into_iter().chain(near).chain(switched.into_iter().take(SEARCHED).map(start)).collect()
 }
 
-/// A size that the error of its joint shows about, as a simulation of the worst log has it: a stair that comes a sample
-/// too early or too late jolts the others as much as a wrong one.
-fn sharpened(objective: &Objective, base: &FitPoint, start: &StartPoint) -> StartPoint {
+/// The size near one that the error of its joint shows with which the worst log is simulated best, if that is another
+/// one: a stair that comes a sample too early or too late jolts the other joints as much as a wrong one.
+fn sharpened(objective: &Objective, base: &FitPoint, start: &StartPoint) -> Option<StartPoint> {
     let amplitudes = &objective.candidates()[start.candidate].amplitudes;
-    let at = |k: i32| {
+    let at = |k: usize| {
         let mut near = start.clone();
         for &parameter in amplitudes {
-            let factor = 1.0 + ABOUT * f64::from(k) / f64::from(TO_A_SIDE);
+            let factor = 1.0 + ABOUT * (k as f64 / TO_A_SIDE as f64 - 1.0);
             near.u[parameter] = objective.parameters()[parameter].clamp(factor * near.u[parameter]);
         }
         near
     };
-    let mut tried: Vec<StartPoint> = (-TO_A_SIDE..=TO_A_SIDE).map(at).collect();
+    let mut tried: Vec<StartPoint> = (0..=2 * TO_A_SIDE).map(at).collect();
     simulate_worst(objective, base, &mut tried);
-    tried.retain(|near| near.cost.is_finite());
-    let best = best(tried, 1).pop().unwrap_or_else(|| start.clone());
-    StartPoint { cost: start.cost, ..best }
+    let shown = tried[TO_A_SIDE].cost;
+    let best = best(tried, 1).pop()?;
+    (best.cost < (1.0 - LOWER) * shown).then_some(StartPoint { cost: start.cost, ..best })
 }

@@ -18,15 +18,16 @@ use crate::residual_model::Needs;
 /// An effect without which, all else unchanged, the sum of squares rises by no more than this share is as good as off.
 const IDLE: f64 = 0.001;
 
-/// Other starts that leave less than this share of the squares above the noise explain most of what was left: a missing
-/// effect acts through a whole log, and is not replaced by its start.
-const MOSTLY: f64 = 0.25;
-/// The error on held-out logs, which have starts of their own, may not rise above this share of itself by that.
-const NO_WORSE: f64 = 1.05;
+/// Starts that leave less than this share of the squares above the noise explain most of what was left: a missing
+/// effect acts through a whole log, and other starts hardly make up for it.
+const STARTS_LEAVE: f64 = 0.25;
 
-/// The squares above the noise of an error in noise floors.
-fn excess(error: f64) -> f64 {
-    (error.powi(2) - 1.0).max(0.0)
+/// What is explained of the error that is left.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Explains {
+    Everything,
+    Most,
+    Little,
 }
 
 /// The base of a round and the effects found so far.
@@ -251,23 +252,32 @@ impl DiagnosisState {
         self.held_out.is_some_and(|squares| chi(squares, objective.samples(LogSet::HeldOut)) > objective.noise_bound())
     }
 
-    /// Whether the fit explains everything with another objective, such as one with starts from the fitted model; or
-    /// all but noise where the held-out logs now show more, or, once effects are found, any logs; or, once effects are
+    /// What the fit explains with another objective, such as one with starts from the fitted model: everything; or all
+    /// but noise where the held-out logs now show more, or, once effects are found, any logs; or, once effects are
     /// found, most of what is left.
-    pub(super) fn is_explained_by(&self, objective: &Objective) -> bool {
+    pub(super) fn explains_with(&self, objective: &Objective) -> Explains {
         let again = FitPoint::at(objective, self.fit.active.clone(), self.fit.u.clone(), &self.fit.step_error);
-        let Ok(mut fit) = again else { return false };
+        let Ok(mut fit) = again else { return Explains::Little };
         fit.solve(objective, FOLLOWER);
         let samples = objective.samples(LogSet::HeldOut).max(1);
-        let judged = held_out_squares(objective, &fit.u).map_or(0.0, |squares| chi(squares, samples));
+        let judged = held_out_squares(objective, &fit.u).map_or(f64::INFINITY, |squares| chi(squares, samples));
         let learnt = |fit: &FitPoint| chi(fit.squares(), objective.samples(LogSet::Learn));
         let is_noise = |fit: &FitPoint| learnt(fit) <= objective.noise_bound();
         let is_more_now = self.fails_on_held_out(objective) || !self.chosen.is_empty() && !is_noise(&self.fit);
         let becomes_noise = is_more_now && is_noise(&fit);
-        let before = self.held_out.map_or(f64::INFINITY, |squares| chi(squares, samples));
-        let mostly = !self.chosen.is_empty() && excess(learnt(&fit)) < MOSTLY * excess(learnt(&self.fit));
-        (becomes_noise || !self.leaves_something(objective, &fit)) && judged <= objective.noise_bound()
-            || mostly && judged < NO_WORSE * before
+        let excess = |fit: &FitPoint| (learnt(fit).powi(2) - 1.0).max(0.0);
+        if (becomes_noise || !self.leaves_something(objective, &fit)) && judged <= objective.noise_bound() {
+            Explains::Everything
+        } else if !self.chosen.is_empty() && excess(&fit) < STARTS_LEAVE * excess(&self.fit) {
+            Explains::Most
+        } else {
+            Explains::Little
+        }
+    }
+
+    /// Whether there are held-out logs and they do not contradict what has changed.
+    pub(super) fn is_no_worse_than(&self, before: &DiagnosisState) -> bool {
+        self.held_out.zip(before.held_out).is_some_and(|(now, then)| now < (1.0 + HELD_OUT_FALL) * then)
     }
 
     /// Continues with another objective.

@@ -2,6 +2,7 @@
 //! direction from simulations, and added up from then on.
 
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Sizes by which the numbers of a link are compared: its mass, mass times centre of mass, and inertia.
 const SIZES: [f64; 10] = [1.0, 0.1, 0.1, 0.1, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01];
@@ -15,7 +16,26 @@ const ROWS: usize = 2048;
 pub(super) struct InertiaResponse {
     origin: Vec<f64>,
     /// Orthonormal directions, each with the change of the residual along it.
-    known: Vec<(Vec<f64>, Vec<f64>)>,
+    known: Vec<(Vec<f64>, Arc<Vec<f64>>)>,
+}
+
+/// A change as a sum of responses, to be added up once nothing is locked any more: a thread that waits for others may
+/// take over work that needs the lock.
+pub(super) struct Change {
+    rows: usize,
+    terms: Vec<(f64, Arc<Vec<f64>>)>,
+}
+
+impl Change {
+    /// Each row is the same sum in the same order, whichever thread has it.
+    pub(super) fn added_up(&self) -> Vec<f64> {
+        let mut sum = vec![0.0; self.rows];
+        sum.par_chunks_mut(ROWS).enumerate().for_each(|(part, sum)| {
+            let rows = part * ROWS..part * ROWS + sum.len();
+            self.terms.iter().for_each(|(share, response)| add(sum, *share, &response[rows.clone()]));
+        });
+        sum
+    }
 }
 
 impl InertiaResponse {
@@ -25,26 +45,16 @@ impl InertiaResponse {
     }
 
     /// The change of the residual at some inertias; `None` where it does not follow from what is known.
-    pub(super) fn change(&self, inertias: &[f64]) -> Option<Vec<f64>> {
+    pub(super) fn change(&self, inertias: &[f64]) -> Option<Change> {
         let Split { along, unknown, whole, .. } = self.split(inertias);
         if unknown > SHARES[0] * whole {
             return None;
         }
         let rows = self.known.first().map_or(0, |(_, response)| response.len());
-        let mut change = vec![0.0; rows];
         let seen = |share: &f64| share.abs() > f64::EPSILON * whole;
-        let terms: Vec<(f64, &[f64])> = along
-            .into_iter()
-            .zip(&self.known)
-            .filter(|(share, _)| seen(share))
-            .map(|(share, (_, response))| (share, response.as_slice()))
-            .collect();
-        // Each row is the same sum in the same order, whichever thread has it.
-        change.par_chunks_mut(ROWS).enumerate().for_each(|(part, change)| {
-            let rows = part * ROWS..part * ROWS + change.len();
-            terms.iter().for_each(|(share, response)| add(change, *share, &response[rows.clone()]));
-        });
-        Some(change)
+        let terms = along.into_iter().zip(&self.known).filter(|(share, _)| seen(share));
+        let terms = terms.map(|(share, (_, response))| (share, Arc::clone(response))).collect();
+        Some(Change { rows, terms })
     }
 
     /// Learns from a simulated change.
@@ -54,7 +64,7 @@ impl InertiaResponse {
             let mut response = change.to_vec();
             along.iter().zip(&self.known).for_each(|(share, (_, known))| add(&mut response, -share, known));
             [&mut rest, &mut response].into_iter().flatten().for_each(|x| *x /= unknown);
-            self.known.push((rest, response));
+            self.known.push((rest, Arc::new(response)));
         }
     }
 
@@ -106,7 +116,11 @@ mod tests {
             (inertias[0], inertias[1], inertias[5]) = (x[0], x[1], x[2]);
             match response.change(&inertias) {
                 Some(change) => {
-                    change.iter().zip(truth(&inertias)).for_each(|(a, b)| assert!((a - b).abs() < 1e-9, "{a} {b}"));
+                    change
+                        .added_up()
+                        .iter()
+                        .zip(truth(&inertias))
+                        .for_each(|(a, b)| assert!((a - b).abs() < 1e-9, "{a} {b}"));
                 }
                 None => {
                     asked += 1;
@@ -121,5 +135,14 @@ mod tests {
         assert_eq!(at([0.0, 0.1, 0.0]), 3);
         assert_eq!(at([-3.0, 0.7, 0.05]), 3);
         assert_eq!(at([0.0; 3]), 3);
+    }
+
+    #[test]
+    fn rows_of_all_threads_are_the_serial_sum() {
+        let response = |seed: f64| (0..2 * ROWS + 5).map(|i| (seed * i as f64).sin()).collect::<Vec<f64>>();
+        let terms: Vec<(f64, Arc<Vec<f64>>)> = [1.1, 0.7].map(|seed| (seed, Arc::new(response(seed)))).to_vec();
+        let serial = |i: usize| terms.iter().fold(0.0, |sum, (share, response)| sum + share * response[i]);
+        let expected: Vec<f64> = (0..2 * ROWS + 5).map(serial).collect();
+        assert_eq!(Change { rows: 2 * ROWS + 5, terms }.added_up(), expected);
     }
 }

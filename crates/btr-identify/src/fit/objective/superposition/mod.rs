@@ -107,17 +107,20 @@ impl Superposition {
         let (origin, here) = (inertias(&vec![0.0; links.len()])?, inertias(links)?);
         let response =
             |known: &mut Known| known.inertias.entry(log).or_insert_with(|| InertiaResponse::new(origin)).change(&here);
-        let added_up = response(&mut self.lock());
-        let change = match added_up {
-            Some(change) => change,
+        let follows = response(&mut self.lock());
+        let change = match follows {
+            Some(change) => change.added_up(),
             None => {
                 let residual = (problem.simulate)(&[(links.to_vec(), log)]).pop()?.ok()?;
                 let change: Vec<f64> = residual.iter().zip(off.iter()).map(|(with, off)| finite(with - off)).collect();
                 // Added up from now on: the same bits as later.
-                let mut known = self.lock();
-                let response = known.inertias.get_mut(&log)?;
-                response.learn(&here, &change);
-                response.change(&here).unwrap_or(change)
+                let learnt = |known: &mut Known| {
+                    let response = known.inertias.get_mut(&log)?;
+                    response.learn(&here, &change);
+                    response.change(&here)
+                };
+                let follows = learnt(&mut self.lock());
+                follows.map_or(change, |change| change.added_up())
             }
         };
         let change = Arc::new(change);
