@@ -14,8 +14,8 @@ use crate::fit::measure::ComparisonMeasure;
 use crate::fit::{FitPoint, Objective, SearchBudget};
 use crate::residual_model::Needs;
 
-/// Replaces findings by such a pair that explains as much with fewer parameters, or that the held-out logs bear clearly
-/// better, and declares both alike where they bear them equally well.
+/// Replaces findings by such a pair that the held-out logs bear clearly better, and declares both alike where they bear
+/// them equally well.
 pub(crate) fn weigh_pairs(
     objective: &mut Objective,
     state: &mut DiagnosisState,
@@ -131,11 +131,7 @@ impl Weight {
             || learnt(now) < (1.0 - LEARNT_FALL) * learnt(then)
             || judged.is_some_and(|(now, then)| falls(then, now))
             || (state.held_out.is_some() && judged.is_none());
-        match is_beaten {
-            true => Weight::Less,
-            false if costs < -DECISIVE => Weight::More,
-            false => Weight::Same,
-        }
+        if is_beaten { Weight::Less } else { Weight::Same }
     }
 }
 
