@@ -175,6 +175,8 @@ fn each_torque_has_its_own_floor_and_a_weak_joint_is_not_overlooked() {
         assert!(found.is_some_and(|(_, value)| (value / true_value - 1.0).abs() < 0.05), "{name}: {named:?} {answer}");
     }
     assert_eq!((answer["verdict"].as_str().unwrap(), named.len()), ("effect_missing", 3), "{answer}");
+    // Two laws in one torque are told apart: neither bounds the other's probability.
+    assert!(!answer["effects"].to_string().contains("same_place"), "{answer}");
     assert!((answer["time_step_s"].as_f64().unwrap() * RATE_HZ - 1.0).abs() < 1e-9);
 }
 

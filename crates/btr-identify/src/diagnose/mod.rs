@@ -244,7 +244,10 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
     let all = estimates(objective, &state.fit, inflation, intervals);
     state.chosen.iter_mut().for_each(|found| note_estimates(objective, found, &all));
     evidence::doubt_series(objective.candidates(), &mut state.chosen);
-    evidence::doubt_neighbours(objective.candidates(), &mut state.chosen);
+    // Where the motion is prescribed, the torque of each joint is a sum of laws that are told apart one by one.
+    if !objective.description.is_decoupled {
+        evidence::doubt_neighbours(objective.candidates(), &mut state.chosen);
+    }
     let found = (!state.chosen.is_empty()).then_some(&state.fit);
     let law = (leaves && !stopped && objective.rollouts() < question.max_rollouts)
         .then(|| state.bare_now(objective))
