@@ -13,6 +13,9 @@ pub(super) const SEARCH: f64 = 0.8;
 /// Share of the allowed rollouts up to which a round looks at the candidates in more than one way.
 const SECOND_LOOK: f64 = 0.5;
 
+/// The same where the best candidate explains most already.
+const CHEAP_LOOK: f64 = 0.25;
+
 /// Least probability of a rival that is told.
 const TOLD: f64 = 0.01;
 
@@ -58,6 +61,11 @@ pub(super) struct SecondLooks {
 impl SecondLooks {
     pub(super) fn new(options: DiagnoseOptions) -> Self {
         SecondLooks { options, refused: false }
+    }
+
+    /// Whether few of the allowed rollouts are spent.
+    pub(super) fn is_cheap(&self, objective: &Objective) -> bool {
+        self.options.allows(CHEAP_LOOK, objective.rollouts())
     }
 
     pub(super) fn allow(&mut self, objective: &Objective) -> bool {

@@ -102,10 +102,8 @@ pub(super) fn rivals(
     if !explains_most(state, &rivals) {
         drop_effect(objective, leader, state).into_iter().for_each(|drop_effect| state.follow(objective, drop_effect));
     }
-    // A leader that explains most is a step on the way, and the next round looks again with it in place.
     let once_more = leaves_much(objective, &rivals)
         && !hardly
-        && !explains_most(state, &rivals)
         && !leaves_more_than(RUN_OFF, objective, state, &rivals)
         && second_looks.allow(objective);
     let screened = if once_more { starts.as_slice() } else { &[] };
@@ -164,7 +162,9 @@ fn first_rivals(
         let is_needed = match look {
             Look::AtTheWhole if has_run_off => is_far && is_open,
             Look::AtTheWhole => rivals.first().is_none_or(|leader| state.leaves_something(objective, &leader.fit)),
-            Look::InWindows => is_far && is_open && second_looks.allow(objective),
+            // Beside a leader that explains most only where that is cheap: the next round looks again with it in place.
+            Look::InWindows if !is_open => is_far && second_looks.is_cheap(objective),
+            Look::InWindows => is_far && second_looks.allow(objective),
         };
         if is_needed {
             let (others, screened) = match look {
