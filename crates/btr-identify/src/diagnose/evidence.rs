@@ -3,8 +3,8 @@
 use super::own;
 use super::report::{CapReason, Evidence, MissingEffect, Verdict};
 use super::thresholds::{
-    AT_MOST, AT_MOST_BESIDE, AT_MOST_IN_SERIES, AT_MOST_LITTLE, AT_MOST_UNCERTAIN, AT_MOST_UNSTABLE, CONSIDERABLE,
-    EXPLAINED, IN_MOST_LOGS, MOSTLY, NEGLIGIBLE, NOISE, SERIES, STABLE,
+    AT_MOST, AT_MOST_AT_ONE_PLACE, AT_MOST_IN_SERIES, AT_MOST_LITTLE, AT_MOST_UNCERTAIN, AT_MOST_UNSTABLE,
+    CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY, NEGLIGIBLE, NOISE, SERIES, STABLE,
 };
 use crate::LadderStep;
 use crate::fit::residual_vector::{ResidualVector, chi, squares};
@@ -204,7 +204,7 @@ pub(super) fn doubt_series(candidates: &[EffectCandidate], findings: &mut [Missi
 
 /// Bounds the probabilities of findings at one place, except companions and further instances: one effect that is not
 /// in the library may be behind both. What acts on all joints, or on the whole robot, is not at any place.
-pub(super) fn doubt_neighbours(candidates: &[EffectCandidate], findings: &mut [MissingEffect]) {
+pub(super) fn doubt_same_place(candidates: &[EffectCandidate], findings: &mut [MissingEffect]) {
     let place = |found: &MissingEffect| {
         let site = found.site.split('#').next().unwrap_or_default();
         (candidates[found.candidate].needs == Needs::Nothing && site != "*").then(|| site.to_owned())
@@ -213,7 +213,7 @@ pub(super) fn doubt_neighbours(candidates: &[EffectCandidate], findings: &mut [M
     for found in findings.iter_mut() {
         let here = place(found);
         if places.iter().filter(|other| Some(*other) == here.as_ref()).count() > 1 {
-            found.cap(AT_MOST_BESIDE, CapReason::SamePlace);
+            found.cap(AT_MOST_AT_ONE_PLACE, CapReason::SamePlace);
         }
     }
 }

@@ -246,7 +246,7 @@ fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: Dia
     evidence::doubt_series(objective.candidates(), &mut state.chosen);
     // Where the motion is prescribed, the torque of each joint is a sum of laws that are told apart one by one.
     if !objective.description.is_decoupled {
-        evidence::doubt_neighbours(objective.candidates(), &mut state.chosen);
+        evidence::doubt_same_place(objective.candidates(), &mut state.chosen);
     }
     let found = (!state.chosen.is_empty()).then_some(&state.fit);
     let law = (leaves && !stopped && objective.rollouts() < question.max_rollouts)

@@ -63,13 +63,17 @@ impl SecondLooks {
         SecondLooks { options, refused: false }
     }
 
-    /// Whether few of the allowed rollouts are spent.
-    pub(super) fn is_cheap(&self, objective: &Objective) -> bool {
-        self.options.allows(CHEAP_LOOK, objective.rollouts())
+    pub(super) fn allow(&mut self, objective: &Objective) -> bool {
+        self.allow_up_to(SECOND_LOOK, objective)
     }
 
-    pub(super) fn allow(&mut self, objective: &Objective) -> bool {
-        let allowed = self.options.allows(SECOND_LOOK, objective.rollouts());
+    /// Where the best candidate explains most: the next round looks again, with it in place.
+    pub(super) fn allow_beside_most(&mut self, objective: &Objective) -> bool {
+        self.allow_up_to(CHEAP_LOOK, objective)
+    }
+
+    fn allow_up_to(&mut self, share: f64, objective: &Objective) -> bool {
+        let allowed = self.options.allows(share, objective.rollouts());
         self.refused |= !allowed;
         allowed
     }

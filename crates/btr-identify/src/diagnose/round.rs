@@ -162,9 +162,8 @@ fn first_rivals(
         let is_needed = match look {
             Look::AtTheWhole if has_run_off => is_far && is_open,
             Look::AtTheWhole => rivals.first().is_none_or(|leader| state.leaves_something(objective, &leader.fit)),
-            // Beside a leader that explains most only where that is cheap: the next round looks again with it in place.
-            Look::InWindows if !is_open => is_far && second_looks.is_cheap(objective),
-            Look::InWindows => is_far && second_looks.allow(objective),
+            Look::InWindows if is_open => is_far && second_looks.allow(objective),
+            Look::InWindows => is_far && second_looks.allow_beside_most(objective),
         };
         if is_needed {
             let (others, screened) = match look {

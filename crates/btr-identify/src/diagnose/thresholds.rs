@@ -44,7 +44,7 @@ pub const SERIES: usize = 2;
 pub const AT_MOST_IN_SERIES: f64 = 0.9;
 /// Largest probability of each of two findings at one place: of fourteen generated robots with such findings that
 /// seemed certain, two had an effect there that is not in the library.
-pub const AT_MOST_BESIDE: f64 = 0.85;
+pub const AT_MOST_AT_ONE_PLACE: f64 = 0.85;
 /// Largest probability of a finding while a free parameter is at its bound: what two stand-ins for an unknown effect do
 /// not explain, the free parameters make up for as far as they may.
 pub const AT_MOST_AT_BOUNDS: f64 = 0.9;

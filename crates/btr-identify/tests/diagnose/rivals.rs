@@ -215,6 +215,29 @@ fn what_only_training_logs_show_replaces_a_similar_effect() {
     assert_ne!(names(&model.diagnosis()), ["part", "other"]);
 }
 
+/// What else a law can do may pass for another effect in the training logs, and not in the held-out log.
+#[test]
+fn a_part_of_a_law_beside_another_effect_takes_its_place_where_held_out_logs_show_that() {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        let part = |rate: f64| swing(rate, log, t);
+        let offset = part(if log == 2 { 17.0 } else { 9.0 });
+        let whole = u[1] * part(5.0) + u[2] * part(9.0) + u[3] * part(13.0) + u[4] * part(19.0);
+        u[0] * part(3.0) + whole + u[5] * part(5.0) + u[6] * offset
+    };
+    let truth = [0.4, 0.0, 0.0, 0.0, 0.0, 20.0, 5.0];
+    let mut model = SyntheticModel::new(&["whole", "back", "fast", "faster", "part", "offset"], &truth, motion);
+    model.candidates.drain(1..4);
+    let whole = &mut model.candidates[0];
+    (whole.amplitudes, whole.similar, whole.nested) = (vec![1, 2, 3, 4], vec![1], vec![1]);
+    model.candidates[1].similar = vec![0];
+    let diagnosis = model.diagnosis();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["part", "offset"]));
+    let last = diagnosis.ladder.last().map(|step| step.step.as_str());
+    assert_eq!(last, Some("part@here + offset@here for whole@here"));
+    assert!(diagnosis.effects.iter().all(|found| found.evidence.established), "{:?}", diagnosis.effects);
+    assert_eq!(diagnosis.effects[0].alike, ["whole@here"]);
+}
+
 /// One cause that is not among the candidates may be behind two findings at one place.
 #[test]
 fn no_name_is_certain_beside_another_one_at_its_place() {

@@ -28,6 +28,8 @@ pub(crate) struct SyntheticModel {
     pub(crate) contact: bool,
     /// Number of samples of a log's beginning, where that can be predicted and the rest cannot.
     pub(crate) beginning: Option<usize>,
+    /// Sizes that the error shows, of each parameter, each with what it may explain.
+    pub(crate) sizes: Vec<Vec<(f64, f64)>>,
     /// The motion from starts that are read from the model, where the usual ones are wrong.
     pub(crate) from_starts: Option<Arc<Motion>>,
     /// The noiseless measurement as a function of coordinates, log, time in s, and divisor of the time step.
@@ -96,6 +98,7 @@ impl SyntheticModel {
             measured: (0..3).map(measured).collect(),
             contact: false,
             beginning: None,
+            sizes: Vec::new(),
             from_starts: None,
             motion: Arc::new(motion),
         }
@@ -156,6 +159,10 @@ impl ResidualModel for SyntheticModel {
             Ok(self.measured[log].iter().zip(simulated).map(|(measured, simulated)| measured - simulated).collect())
         };
         requests.iter().map(residual).collect()
+    }
+
+    fn sizes(&self, parameter: usize, _residuals: &[(usize, &[f64])]) -> Vec<(f64, f64)> {
+        self.sizes.get(parameter).cloned().unwrap_or_default()
     }
 
     fn derive(&self, derivation: &Derivation) -> Option<Box<dyn ResidualModel>> {

@@ -62,7 +62,7 @@ fn is_companion(objective: &Objective, pair: &Pair) -> bool {
 fn accept_both(objective: &Objective, state: &mut DiagnosisState, pair: Pair, on_step: &dyn Fn(&LadderStep)) {
     let whole = objective.candidates()[state.chosen[pair.index].candidate].name();
     let both = [pair.effect, pair.companion.candidate];
-    state.accept_parts(objective, pair.index, (both, pair.companion.fit), on_step);
+    state.accept_parts(objective, pair.index, both, pair.companion.fit, on_step);
     let part = state.chosen.iter_mut().find(|found| found.candidate == pair.effect);
     part.into_iter().for_each(|found| found.alike.push(whole.clone()));
 }

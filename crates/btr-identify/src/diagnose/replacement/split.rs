@@ -34,7 +34,7 @@ impl DiagnosisState {
             let parts = if is_asked(self, index) { self.parts(objective, index) } else { None };
             match parts.filter(|parts| self.will_do(objective, parts)) {
                 // The next finding takes its place.
-                Some(parts) => self.accept_parts(objective, index, (parts.candidates, parts.fit), on_step),
+                Some(parts) => self.accept_parts(objective, index, parts.candidates, parts.fit, on_step),
                 None => index += 1,
             }
         }
@@ -69,7 +69,8 @@ impl DiagnosisState {
         &mut self,
         objective: &Objective,
         index: usize,
-        (parts, fit): ([usize; 2], FitPoint),
+        parts: [usize; 2],
+        fit: FitPoint,
         on_step: &dyn Fn(&LadderStep),
     ) {
         let candidates = objective.candidates();
