@@ -96,10 +96,14 @@ impl FitPoint {
         squares(&self.residual)
     }
 
-    /// The same fit restricted to some rows of the residual.
-    pub(crate) fn in_rows(&self, rows: Range<usize>) -> FitPoint {
-        let jacobian = self.jacobian.as_ref().map(|jacobian| jacobian.rows(rows.start, rows.len()).into_owned());
-        let (residual, step_error) = (self.residual[rows.clone()].to_vec(), self.step_error[rows].to_vec());
+    /// The same fit restricted to some rows of the residual, in their order.
+    pub(crate) fn in_rows(&self, rows: &[Range<usize>]) -> FitPoint {
+        let jacobian = self.jacobian.as_ref().map(|jacobian| {
+            let rows: Vec<usize> = rows.iter().cloned().flatten().collect();
+            jacobian.select_rows(&rows)
+        });
+        let of = |all: &[f64]| rows.iter().flat_map(|rows| &all[rows.clone()]).copied().collect::<Vec<f64>>();
+        let (residual, step_error) = (of(&self.residual), of(&self.step_error));
         let cost = self.cost - self.squares() + squares(&residual);
         FitPoint {
             active: self.active.clone(),

@@ -55,6 +55,21 @@ fn a_size_is_searched_about_what_the_error_shows() {
     assert!((diagnosis.fit.u[1] - 10.0).abs() < 0.01, "{:?}", diagnosis.fit.u);
 }
 
+/// In each log the free gain may take the place of the effect, so that any other candidate seems as good; between the
+/// logs it cannot.
+#[test]
+fn what_a_free_parameter_follows_in_each_log_is_found_between_them() {
+    let motion = |u: &[f64], log: usize, t: f64, _: f64| {
+        let others: f64 = (2..62).map(|k| u[k] * swing(3.0 + k as f64, log, t)).sum();
+        (5.0 * u[0] + u[1] * (80.0 + [20.0, -20.0, 10.0][log])) * swing(3.0, log, t) + others
+    };
+    let others: Vec<String> = (2..62).map(|k| format!("other_{k}")).collect();
+    let effects: Vec<&str> = ["opposed"].into_iter().chain(others.iter().map(String::as_str)).collect();
+    let truth: Vec<f64> = [-0.6, 0.075].into_iter().chain(others.iter().map(|_| 0.0)).collect();
+    let diagnosis = SyntheticModel::new(&effects, &truth, motion).diagnosis();
+    assert_eq!((diagnosis.verdict, names(&diagnosis)), (Verdict::EffectMissing, vec!["opposed"]));
+}
+
 #[test]
 fn a_stopped_diagnosis_names_the_first_of_what_a_whole_one_names() {
     let motion = |u: &[f64], log: usize, t: f64, _: f64| {

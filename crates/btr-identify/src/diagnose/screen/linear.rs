@@ -66,6 +66,11 @@ impl NormalSystem {
         }
         Some(NormalSystem { factors, gradient })
     }
+
+    /// By how much the cost falls if the base's parameters alone adapt.
+    fn falls_by(&self) -> f64 {
+        self.gradient.dot(&self.factors.solve(&self.gradient))
+    }
 }
 
 impl<'a> BasePoint<'a> {
@@ -92,6 +97,11 @@ impl<'a> BasePoint<'a> {
             systems.push(NormalSystem::new(normal, gradient, fit.cost)?);
         }
         Some(BasePoint { index, logs, fit, jacobian, systems })
+    }
+
+    /// By how much the cost falls if the base's parameters alone adapt; those at their bounds stay there.
+    pub(super) fn falls_by(&self) -> f64 {
+        self.systems.last().map_or(0.0, NormalSystem::falls_by)
     }
 
     /// The predicted best points of candidates with the shapes of earlier predictions, probed on the side of their

@@ -2,10 +2,11 @@
 //!
 //! Probes are finite because some effects have no slope at zero (backlash, delay, a limit). What the base's parameters
 //! can produce as well is projected out, so that only the rest counts for a candidate. A first pass uses only the log
-//! with the largest error; the best candidates are then probed on all logs.
+//! with the largest error, or a few where it says nothing by itself; the best candidates are then probed on all logs.
 
 mod costs;
 mod linear;
+mod logs;
 mod onset;
 mod searched;
 mod start_point;
@@ -22,6 +23,7 @@ use start_point::is_switched;
 pub(crate) use start_point::{StartPoint, has_two_sides, is_searched, with};
 use std::cmp::Ordering::Equal;
 use std::f64::consts::PI;
+use std::ops::Range;
 
 /// Probes of the first pass, and of the second one.
 const COARSE: ProbeSizes = ProbeSizes {
@@ -81,16 +83,18 @@ pub(super) fn screen(objective: &Objective, bases: &mut [FitPoint], offered: &[u
     let Some((log, rows)) = bases.first().and_then(|base| objective.worst_logs(&base.residual, 1).pop()) else {
         return Vec::new();
     };
+    let (probed, probed_rows): (Vec<usize>, Vec<Range<usize>>) =
+        bases.first().map_or_else(Vec::new, |base| logs::worst_that_tell(objective, base)).into_iter().unzip();
     let (searched, offered): (Vec<usize>, Vec<usize>) =
         offered.iter().partition(|&&candidate| is_searched(objective, candidate));
     let Some(reached) = bases.first().map(|base| onset::onsets(objective, base, (log, rows.clone()), &offered)) else {
         return Vec::new();
     };
     let probe_coarsely = |(index, base): (usize, &FitPoint)| {
-        let on_log = base.in_rows(rows.clone());
-        let starts = |&candidate: &usize| (candidate, starts(objective, candidate, log, &on_log.residual));
+        let starts = |&candidate: &usize| (candidate, starts(objective, candidate, log, &base.residual[rows.clone()]));
         let offered: Vec<(usize, Vec<Vec<f64>>)> = offered.iter().map(starts).collect();
-        let base = BasePoint::new(objective, index, &on_log, vec![log]);
+        let on_logs = base.in_rows(&probed_rows);
+        let base = BasePoint::new(objective, index, &on_logs, probed.clone());
         base.map_or_else(Vec::new, |base| base.predicted_together(objective, &offered, &COARSE, &reached))
     };
     let coarse = best_of_joints(objective, bases.iter().enumerate().flat_map(probe_coarsely).collect(), COARSE_PASS);

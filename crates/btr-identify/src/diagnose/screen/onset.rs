@@ -25,7 +25,7 @@ pub(super) fn onsets(
     let is_limit = |k: &usize| objective.parameters()[*k].law == Parametrisation::Inverse;
     let amplitudes = offered.iter().flat_map(|&candidate| objective.candidates()[candidate].amplitudes.iter().copied());
     let limits: Vec<usize> = amplitudes.filter(is_limit).collect();
-    let mut onsets = onsets_in(objective, &base.in_rows(rows), &[log], &limits);
+    let mut onsets = onsets_in(objective, &base.in_rows(&[rows]), &[log], &limits);
     let others: Vec<usize> = limits.into_iter().filter(|limit| !onsets.contains_key(limit)).collect();
     if !others.is_empty() {
         onsets.extend(onsets_in(objective, base, objective.logs(LogSet::Learn), &others));
