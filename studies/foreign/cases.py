@@ -24,7 +24,7 @@ CALIBRATION = Numerics("RK4", 0.001)
 # Most of its own integration error that an honest simulation makes, in noise floors. An error of 0.1 noise floors in
 # each of some thousand readings moves a fitted value by several of its standard errors.
 HONEST = 0.02
-# The same over whole logs, above which a simulation is unstable there; and how many smaller steps are tried then.
+# The same over whole logs: above it the step is unstable somewhere. And the number of steps that are tried there.
 STABLE = 0.2
 FINER = 3
 # Seconds of an episode that are simulated to choose a size or a step.
@@ -338,9 +338,7 @@ def know_rotor_apart(case: Case, hidden: Hidden) -> None:
     axis.armature = axis.armature or ROTOR * case.carried[joint]
 
 
-def honest(
-    case: Case, choices: tuple[Numerics, ...], logs: list[Episode], most: float
-) -> tuple[Numerics, float]:
+def honest(case: Case, choices: tuple[Numerics, ...], logs: list[Episode], most: float) -> tuple[Numerics, float]:
     """The first choice whose own error is at most this, in noise floors, else the last; and that error: twice what
     half the step changes, as it is where a law has a kink and the error falls with the step alone."""
     chosen, error = choices[-1], math.inf
