@@ -3,7 +3,7 @@
 use super::own;
 use super::report::{CapReason, Evidence, MissingEffect, Verdict};
 use super::thresholds::{
-    AT_MOST, AT_MOST_AT_ONE_PLACE, AT_MOST_IN_SERIES, AT_MOST_LITTLE, AT_MOST_UNCERTAIN, AT_MOST_UNSTABLE,
+    AT_MOST, AT_MOST_AT_ONE_PLACE, AT_MOST_IN_SERIES, AT_MOST_LITTLE, AT_MOST_UNCERTAIN, AT_MOST_UNSTABLE, CLEAN,
     CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY, NEGLIGIBLE, NOISE, SERIES, STABLE,
 };
 use crate::LadderStep;
@@ -165,6 +165,8 @@ pub(super) fn weigh(last: &LadderStep, at_first: f64, bound: NoiseBound, finding
         if !explained {
             // The likelihood takes what is left for noise. It is not: another cause may be behind all of it.
             found.lower(share.min(AT_MOST), CapReason::ErrorLeft);
+        } else if last.train > CLEAN && !bound.roughly {
+            found.cap(AT_MOST, CapReason::ErrorLeft);
         }
     }
     let named = || findings.iter().filter(|found| found.evidence.established);
@@ -326,6 +328,20 @@ mod tests {
         let mut findings = [found(0.5, 5)];
         assert_eq!(verdict(7.0, 7.0, &mut findings), Verdict::Unexplained);
         assert!(findings[0].probability < 0.6 && !findings[0].evidence.established);
+    }
+
+    #[test]
+    fn an_error_on_the_training_logs_that_may_still_be_noise_leaves_a_doubt() {
+        let asked = |train: f64, roughly: bool| {
+            let last = LadderStep { step: "+".to_owned(), train, held_out: Some(1.06), u: Vec::new() };
+            let mut findings = [found(0.99, 5)];
+            let bound = NoiseBound { noise: 1.15, roughly };
+            assert_eq!(weigh(&last, 10.0 * 10.0, bound, &mut findings), Verdict::EffectMissing);
+            findings[0].probability
+        };
+        assert_eq!(asked(1.12, false).to_bits(), AT_MOST.to_bits());
+        // Below that it is noise, and where small errors grow nobody knows how much noise there is.
+        assert_eq!([asked(1.05, false), asked(1.12, true)], [1.0, 1.0]);
     }
 
     #[test]
