@@ -101,7 +101,7 @@ pub fn rivals(support: &Support) -> Option<String> {
 
 /// What a probability means.
 pub const PROBABILITY: &str = "probability: how likely this name is the right one of all that were fitted; in the benchmark, \
-                               222 of 224 names with 0.99 or more were right (docs/reliability.md)";
+                               99 % of the names with 0.99 or more were right (docs/reliability.md)";
 
 /// A probability with two digits, never certain.
 pub fn probability(p: f64) -> String {

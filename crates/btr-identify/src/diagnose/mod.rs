@@ -7,6 +7,7 @@
 
 mod beginning;
 mod companion;
+mod conclusion;
 mod evidence;
 mod judge;
 mod own;
@@ -17,7 +18,6 @@ mod residual_law;
 mod round;
 mod screen;
 mod short_parts;
-mod stand_ins;
 mod state;
 pub mod thresholds;
 mod together;
@@ -30,24 +30,17 @@ pub use report::{
 pub use residual_law::ResidualLaw;
 
 use crate::LadderStep;
-use crate::fit::measure::ComparisonMeasure;
 use crate::fit::second_look::{LEFT_OUT, without_glitches};
-use crate::fit::{Degree, Estimate, Intervals, Objective, RESTARTS, estimates, remaining};
+use crate::fit::{Objective, RESTARTS};
 use beginning::begin;
 use btr_core::world::{Cancelled, WorldError};
 use companion::{companion, exchange, exchange_for_larger, is_near, weigh_pairs};
-use evidence::NoiseBound;
+use conclusion::conclude;
 use refit::Rival;
 use report::SecondLooks;
-use residual_law::residual_law;
 use round::round;
-use stand_ins::stand_ins;
 use state::{DiagnosisState, Explains};
-use thresholds::{AT_MOST_AT_BOUNDS, AT_MOST_WITH_LEFT_OVER, LEFT_OVER};
 use together::two;
-
-/// How many logs are left out in a fit of its own, those first on which the findings seem to depend most.
-const REFITTED: usize = 4;
 
 /// Finds out which effects of the model's candidates are missing; `on_step` is called with every step of the ladder as
 /// it is reached.
@@ -119,58 +112,96 @@ fn go_on(
     mut state: DiagnosisState,
     on_step: &dyn Fn(&LadderStep),
 ) -> Diagnosis {
-    let mut cut_short = false;
+    let contact = objective.description.has_contact;
+    let mut end = RoundEnd::Nothing;
     while state.effects(objective) < question.max_effects && state.leaves_something(objective, &state.fit) {
-        let next = objective.rollouts().saturating_add(screen::rollouts(objective));
-        cut_short = !question.allows_round(next, state.is_falling()) || objective.is_stopped();
-        if cut_short {
+        end = search_once(objective, question, &mut state, on_step);
+        if end != RoundEnd::Found {
             break;
         }
-        let (rounds, before) = (state.rounds.len(), state.fit.clone());
-        let mut second_looks = SecondLooks::new(question);
-        let found = round(objective, &mut state, &mut second_looks);
-        if objective.is_stopped() {
-            // A round that was not finished has not seen all rivals: nothing is named by it, and the state is that in
-            // which a limit of rollouts would have ended the search before it.
-            state.rounds.truncate(rounds);
-            state.fit = before;
-            cut_short = true;
-            break;
-        }
-        state.left_over = None;
-        if !found.is_empty() {
-            // An accepted effect is finished: stopped halfway, it would be neither fitted nor judged.
-            objective.set_stoppable(false);
-            for (rival, found) in found {
-                if state.effects(objective) < question.max_effects {
-                    let rival = state.beside_others(objective, rival);
-                    add(objective, &mut state, rival, found, on_step);
-                }
-            }
-        } else if let Some(both) = two(objective, &mut state, question, &mut second_looks) {
-            both.ladder[state.ladder.len()..].iter().for_each(on_step);
-            state = both;
-            objective.set_stoppable(false);
-        } else if objective.is_stopped() || !state.replace_by_unconfirmed(objective, on_step) {
-            state.left_over = state.rounds.last().and_then(|ranked| ranked.first().cloned());
-            cut_short = second_looks.refused || objective.is_stopped();
-            break;
-        }
-        exchange(objective, &mut state, on_step);
-        while let Some((rival, found)) = companion(objective, &mut state) {
-            add(objective, &mut state, rival, found, on_step);
-        }
-        exchange_for_larger(objective, &mut state, on_step);
-        if is_near(objective, &state) {
-            state.reconsider(objective, on_step);
-        }
+        complete(objective, &mut state, on_step);
         objective.set_stoppable(true);
-        let contact = objective.description.has_contact;
         if state.leaves_something(objective, &state.fit) || (!contact && state.fails_on_held_out(objective)) {
             let restarts_left = if contact { 1 } else { RESTARTS };
             return go_on_with_new_starts(objective, question, state, on_step, restarts_left);
         }
     }
+    let cut_short = end == RoundEnd::CutShort;
+    compare_findings(objective, question, &mut state, cut_short, on_step);
+    Diagnosis { cut_short, ..conclude(objective, question, state) }
+}
+
+/// How a round ended.
+#[derive(Clone, Copy, PartialEq)]
+enum RoundEnd {
+    Found,
+    Nothing,
+    CutShort,
+}
+
+/// Looks for effects and adds those that are found.
+fn search_once(
+    objective: &mut Objective,
+    question: DiagnoseOptions,
+    state: &mut DiagnosisState,
+    on_step: &dyn Fn(&LadderStep),
+) -> RoundEnd {
+    let next = objective.rollouts().saturating_add(screen::rollouts(objective));
+    if !question.allows_round(next, state.is_falling()) || objective.is_stopped() {
+        return RoundEnd::CutShort;
+    }
+    let (rounds, before) = (state.rounds.len(), state.fit.clone());
+    let mut second_looks = SecondLooks::new(question);
+    let found = round(objective, state, &mut second_looks);
+    if objective.is_stopped() {
+        // A round that was not finished has not seen all rivals: nothing is named by it, and the state is that in
+        // which a limit of rollouts would have ended the search before it.
+        state.rounds.truncate(rounds);
+        state.fit = before;
+        return RoundEnd::CutShort;
+    }
+    state.left_over = None;
+    if !found.is_empty() {
+        // An accepted effect is finished: stopped halfway, it would be neither fitted nor judged.
+        objective.set_stoppable(false);
+        for (rival, found) in found {
+            if state.effects(objective) < question.max_effects {
+                let rival = state.beside_others(objective, rival);
+                add(objective, state, rival, found, on_step);
+            }
+        }
+    } else if let Some(both) = two(objective, state, question, &mut second_looks) {
+        both.ladder[state.ladder.len()..].iter().for_each(on_step);
+        *state = both;
+        objective.set_stoppable(false);
+    } else if objective.is_stopped() || !state.replace_by_unconfirmed(objective, on_step) {
+        state.left_over = state.rounds.last().and_then(|ranked| ranked.first().cloned());
+        let cut_short = second_looks.refused || objective.is_stopped();
+        return if cut_short { RoundEnd::CutShort } else { RoundEnd::Nothing };
+    }
+    RoundEnd::Found
+}
+
+/// Exchanges findings for laws that explain more, and adds what only shows beside them.
+fn complete(objective: &mut Objective, state: &mut DiagnosisState, on_step: &dyn Fn(&LadderStep)) {
+    exchange(objective, state, on_step);
+    while let Some((rival, found)) = companion(objective, state) {
+        add(objective, state, rival, found, on_step);
+    }
+    exchange_for_larger(objective, state, on_step);
+    if is_near(objective, state) {
+        state.reconsider(objective, on_step);
+    }
+}
+
+/// Compares the findings with simpler and similar ones, now that all are known.
+fn compare_findings(
+    objective: &mut Objective,
+    question: DiagnoseOptions,
+    state: &mut DiagnosisState,
+    cut_short: bool,
+    on_step: &dyn Fn(&LadderStep),
+) {
     if objective.description.is_decoupled && !objective.is_stopped() {
         state.drop_needless(objective);
         state.split(objective, |_, _| true, on_step);
@@ -183,9 +214,8 @@ fn go_on(
         state.tell_apart(objective);
     }
     if !cut_short && !objective.is_stopped() {
-        weigh_pairs(objective, &mut state, question, on_step);
+        weigh_pairs(objective, state, question, on_step);
     }
-    Diagnosis { cut_short, ..conclude(objective, question, state) }
 }
 
 /// Adds an effect to the findings, and drops or replaces earlier ones by simpler ones where it makes them superfluous.
@@ -210,97 +240,4 @@ fn add(
     if objective.description.is_decoupled {
         state.split(objective, |state, index| state.may_depend_on_latest(objective, index), on_step);
     }
-}
-
-fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut state: DiagnosisState) -> Diagnosis {
-    let stopped = objective.is_stopped();
-    objective.set_stoppable(false);
-    if stopped {
-        // The last step may not have been judged any more.
-        state.judge_last_step(objective);
-    }
-    let last = state.ladder.last().map_or(f64::INFINITY, |step| step.held_out.unwrap_or(step.train));
-    let learnt = state.ladder.last().map_or(f64::INFINITY, |step| step.train);
-    let integrator_error = state.fit.held_out_step_error(objective).max(state.integrator);
-    let bound = NoiseBound { noise: objective.noise_bound(), roughly: objective.has_rough_floors() };
-    state.leave_one_out(objective, if stopped { 0 } else { REFITTED });
-    let verdict = match state.ladder.last() {
-        Some(last) => evidence::weigh(last, state.unexplained_at_first.judged, bound, &mut state.chosen),
-        None => Verdict::Unexplained,
-    };
-    let explains = matches!(verdict, Verdict::EffectMissing | Verdict::ValueWrong);
-    let left_over = state.left_over.take().filter(|ranked| explains && ranked.delta_bic > LEFT_OVER);
-    if left_over.is_some() {
-        state.chosen.iter_mut().for_each(|found| found.cap(AT_MOST_WITH_LEFT_OVER, CapReason::LeftOver));
-    }
-    state.declare_larger_laws(objective, left_over.as_ref());
-    let leaves = matches!(verdict, Verdict::Unexplained | Verdict::PartlyExplained);
-    let left = if leaves { last.max(learnt) } else { last };
-    let intervals = if left <= objective.noise_bound() { Intervals::Given } else { Intervals::Withheld };
-    if intervals == Intervals::Given {
-        state.settle(objective);
-    }
-    let inflation = ComparisonMeasure::of(objective, &state.fit).inflation();
-    let all = estimates(objective, &state.fit, inflation, intervals);
-    state.chosen.iter_mut().for_each(|found| note_estimates(objective, found, &all));
-    evidence::doubt_series(objective.candidates(), &mut state.chosen);
-    // Where the motion is prescribed, the torque of each joint is a sum of laws that are told apart one by one.
-    if !objective.description.is_decoupled {
-        evidence::doubt_same_place(objective.candidates(), &mut state.chosen);
-    }
-    let found = (!state.chosen.is_empty()).then_some(&state.fit);
-    let law = (leaves && !stopped && objective.rollouts() < question.max_rollouts)
-        .then(|| state.bare_now(objective))
-        .flatten()
-        .and_then(|bare| residual_law(objective, &bare, found));
-    let is_free = |parameter: &usize| objective.description.free.contains(parameter);
-    let at_bound: Vec<&Estimate> =
-        all.iter().filter(|(parameter, e)| is_free(parameter) && e.at_bound).map(|(_, e)| e).collect();
-    // A bound of zero is physics, as of friction; any other one says that what is named does not suffice.
-    if at_bound.iter().any(|estimate| estimate.value != 0.0) {
-        state.chosen.iter_mut().for_each(|found| found.cap(AT_MOST_AT_BOUNDS, CapReason::ParameterAtBound));
-    }
-    let at_bound = at_bound.into_iter().map(|estimate| estimate.name.clone()).collect();
-    let stand_ins = match leaves || stopped || objective.description.is_decoupled {
-        true => Vec::new(),
-        false => stand_ins(objective, &state),
-    };
-    let rollouts = objective.rollouts();
-    let channels = remaining(objective, &state.fit.u);
-    let degree = match verdict {
-        Verdict::Unexplained => Degree::Unexplained,
-        Verdict::PartlyExplained => Degree::PartlyExplained,
-        Verdict::EffectMissing | Verdict::ValueWrong | Verdict::NothingMissing => Degree::of_noise(&channels),
-    };
-    Diagnosis {
-        verdict,
-        degree,
-        left: channels,
-        left_over,
-        unexplained_share: (1.0 - left.powi(-2)).max(0.0),
-        integrator_error,
-        at_bound,
-        rounds: state.rounds,
-        effects: state.chosen,
-        ladder: state.ladder,
-        rivals: state.rivals,
-        residual_law: law,
-        stand_ins,
-        cut_short: false,
-        glitches: objective.description.glitches.clone(),
-        rollouts,
-        fit: state.fit,
-    }
-}
-
-/// Gives a finding its parameters' estimates, which may tell that its size is uncertain.
-fn note_estimates(objective: &Objective, found: &mut MissingEffect, all: &[(usize, Estimate)]) {
-    let candidate = &objective.candidates()[found.candidate];
-    let of = |(parameter, _): &&(usize, Estimate)| candidate.parameters().any(|own| own == *parameter);
-    found.parameters = all.iter().filter(of).map(|(_, estimate)| estimate.clone()).collect();
-    let is_size = |(parameter, _): &&(usize, Estimate)| candidate.amplitudes.contains(parameter);
-    let none = |parameter: usize| objective.parameters()[parameter].value(0.0);
-    let sizes: Vec<(f64, &Estimate)> =
-        all.iter().filter(is_size).map(|(parameter, estimate)| (none(*parameter), estimate)).collect();
-    evidence::doubt_size(found, &sizes);
 }

@@ -2,10 +2,10 @@
 //! well: a servo's damping takes up viscous friction. The logs cannot tell the two apart, but the user may know the
 //! parameter.
 
-use super::refit::FOLLOWER;
-use super::report::StandIn;
-use super::state::DiagnosisState;
-use super::thresholds::DECISIVE;
+use crate::diagnose::refit::FOLLOWER;
+use crate::diagnose::report::StandIn;
+use crate::diagnose::state::DiagnosisState;
+use crate::diagnose::thresholds::DECISIVE;
 use crate::fit::measure::ComparisonMeasure;
 use crate::fit::{FitPoint, Objective, columns};
 use crate::residual_model::{CandidateKind, FitParameter};
