@@ -235,7 +235,9 @@ def test_ray_also_when_a_machine_is_lost(arm: btr.Model, alone: tuple, tmp_path:
     machines, second = cluster
     cluster = executors.Ray()
     assert cluster.workers == 2
-    assert_the_same(arm, cluster, alone, tmp_path)
+    # A diagnosis follows, with a loss: each batch takes Ray much longer than the simulations in it.
+    assert fitted(arm, cluster) == alone[1]
+    assert history(tmp_path, cluster) == alone[2]
 
     class Losing(executors.Ray):
         """Loses the second machine while batches are running."""
