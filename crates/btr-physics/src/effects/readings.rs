@@ -13,16 +13,20 @@ pub(super) fn resample_measured(log: &mut Log, taken_s: &[f64]) {
 
 /// Replaces each sample of a channel by its value at the given increasing times; the channel is held beyond its ends. A
 /// position is interpolated with its velocity where the log has one: linear interpolation is off by an eighth of the
-/// acceleration times the squared sample time. It goes on at its last velocity beyond the end.
+/// acceleration times the squared sample time. Beyond the ends it goes on at its first and last velocities, since a log
+/// may begin and end while the robot moves.
 pub(super) fn resample(log: &mut Log, channel: &str, taken_s: &[f64]) {
     let Ok(values) = log.values(channel) else { return };
     let rates = channel.strip_prefix("q_").and_then(|joint| log.values(&format!("dq_{joint}")).ok());
     let resampled = match rates {
         Some(rates) => {
             let mut resampled = interpolate_smoothly(log.clock_s(), values, rates, taken_s);
-            let (end_s, last) = (log.clock_s().last().copied(), rates.last().copied());
-            let (end_s, last) = (end_s.unwrap_or(f64::INFINITY), last.unwrap_or(0.0));
-            resampled.iter_mut().zip(taken_s).for_each(|(q, t)| *q += last * (t - end_s).max(0.0));
+            let clock = log.clock_s().first().zip(log.clock_s().last());
+            if let (Some((start_s, end_s)), Some((first, last))) = (clock, rates.first().zip(rates.last())) {
+                for (q, t) in resampled.iter_mut().zip(taken_s) {
+                    *q += first * (t - start_s).min(0.0) + last * (t - end_s).max(0.0);
+                }
+            }
             resampled
         }
         None => interpolate(log.clock_s(), values, taken_s),

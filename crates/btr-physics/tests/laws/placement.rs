@@ -115,6 +115,16 @@ fn a_late_encoder_shifts_the_log_and_nothing_else() {
 }
 
 #[test]
+fn a_late_encoder_saw_the_motion_before_the_log_began() {
+    let robot = pendulum(1.3, 0.7, Actuator::Passive);
+    let coast = Setup { start_velocities: vec![2.0], ..fast_weightless(0.001, 0.1) };
+    let late = run_with(&robot, &[placed("encoder_delay", "hinge", &[0.02])], &coast, &hold(0.0));
+    for (t, q) in late.clock_s().iter().zip(late.values("q_hinge").unwrap()) {
+        assert!((q - 2.0 * (t - 0.02)).abs() < 1e-9, "{q} at {t} s");
+    }
+}
+
+#[test]
 fn a_delay_looks_the_same_in_coarsely_and_finely_sampled_logs() {
     let swing = |sample_s: f64, effects: &[PlacedEffect]| {
         let setup = Setup { sample_s: Some(sample_s), start_velocities: vec![3.0], ..fast(0.001, 1.0) };
@@ -122,7 +132,7 @@ fn a_delay_looks_the_same_in_coarsely_and_finely_sampled_logs() {
     };
     for effect in [placed("encoder_delay", "hinge", &[0.013]), placed("clock_skew", "*", &[0.03])] {
         let (few, many) = (swing(0.01, std::slice::from_ref(&effect)), swing(0.001, &[effect]));
-        // The first readings are held, since earlier ones are unknown.
+        // Readings of the time before the start are guessed from the first velocity.
         for (i, q) in few.values("q_hinge").unwrap().iter().enumerate().skip(2) {
             let expected = many.values("q_hinge").unwrap()[10 * i];
             assert!((q - expected).abs() < 1e-6, "{q} and {expected} at {i}");

@@ -1,4 +1,6 @@
 //! Delay of the logged readings; the servo's readings are not delayed.
+//!
+//! Before the start of a run, the joint moved at its first velocity: a log may begin in motion.
 
 use crate::effects::effect::{Effect, EffectSpec, Param, SiteKind};
 use crate::effects::readings::resample;
@@ -8,7 +10,7 @@ pub(in crate::effects) struct EncoderDelay;
 
 static SPEC: EffectSpec = EffectSpec {
     name: "encoder_delay",
-    law: "the log's position and velocity are those of t - delay; before that, the first ones",
+    law: "the log's position and velocity are those of t - delay; before that, at the first velocity",
     site: SiteKind::Joint,
     cite: "transport delay",
     symptom: "the measured motion trails the simulated one by the same time at every speed, while the torque does not",
