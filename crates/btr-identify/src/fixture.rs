@@ -1,14 +1,15 @@
 //! Residual models for tests: logs of one channel, whose residual is a function of the parameters' values.
 
 use crate::residual_model::{
-    FitParameter, MeasuredChannel, ModelDescription, Parametrisation, RecordedLog, ResidualModel, ResidualRequest,
-    TimeStep,
+    CandidateKind, EffectCandidate, FitParameter, MeasuredChannel, ModelDescription, Needs, Parametrisation,
+    RecordedLog, ResidualModel, ResidualRequest, TimeStep,
 };
 use btr_core::world::WorldError;
 
 pub(crate) struct SyntheticModel {
     pub(crate) parameters: Vec<FitParameter>,
     logs: Vec<RecordedLog>,
+    candidates: Vec<EffectCandidate>,
     residual: fn(&[f64]) -> Vec<f64>,
 }
 
@@ -29,14 +30,32 @@ pub(crate) fn parameter(law: Parametrisation, origin: f64, size: f64) -> FitPara
 }
 
 impl SyntheticModel {
-    /// A model whose parameters are all free; `residual` has `rows` rows.
+    /// A model whose parameters are all free, unless they are of a candidate; `residual` has `rows` rows.
     pub(crate) fn new(parameters: Vec<FitParameter>, rows: usize, residual: fn(&[f64]) -> Vec<f64>) -> Self {
-        SyntheticModel { parameters, logs: vec![log(rows)], residual }
+        SyntheticModel { parameters, logs: vec![log(rows)], candidates: Vec::new(), residual }
     }
 
     /// The same with a second log, whose rows come after those of the first.
     pub(crate) fn and_log(mut self, rows: usize) -> Self {
         self.logs.push(log(rows));
+        self
+    }
+
+    /// The same with an effect that may be missing, of one amplitude.
+    pub(crate) fn with_candidate(mut self, amplitude: usize) -> Self {
+        self.parameters[amplitude].amplitude = true;
+        self.candidates.push(EffectCandidate {
+            ripple: None,
+            kind: CandidateKind::Effect,
+            effect: "effect".to_owned(),
+            site: "here".to_owned(),
+            amplitudes: vec![amplitude],
+            shapes: Vec::new(),
+            starts: vec![Vec::new()],
+            similar: Vec::new(),
+            nested: Vec::new(),
+            needs: Needs::Nothing,
+        });
         self
     }
 
@@ -61,7 +80,12 @@ fn log(rows: usize) -> RecordedLog {
 
 impl ResidualModel for SyntheticModel {
     fn description(&self) -> ModelDescription {
-        ModelDescription::new(self.parameters.clone(), self.logs.clone())
+        let is_free = |k: &usize| self.candidates.iter().all(|candidate| !candidate.amplitudes.contains(k));
+        ModelDescription {
+            free: (0..self.parameters.len()).filter(is_free).collect(),
+            candidates: self.candidates.clone(),
+            ..ModelDescription::new(self.parameters.clone(), self.logs.clone())
+        }
     }
 
     fn residuals(&self, requests: &[ResidualRequest], _: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {

@@ -3,7 +3,7 @@
 use super::evidence::MeanSquares;
 use super::report::{DiagnoseOptions, MissingEffect, SecondLooks};
 use super::round::rivals;
-use super::state::DiagnosisState;
+use super::state::{DiagnosisState, Tried};
 use crate::LadderStep;
 use crate::fit::{FitPoint, Objective, SearchBudget};
 use btr_core::world::{Cancelled, WorldError};
@@ -26,6 +26,7 @@ pub(super) fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) ->
         left_over: None,
         integrator: fit.renew_step_error(objective),
         unexplained_at_first: MeanSquares::default(),
+        tried: Tried::default(),
     };
     state.fit = fit;
     state.record(objective, "model as it stands".to_owned(), on_step);

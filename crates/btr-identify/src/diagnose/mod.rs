@@ -8,6 +8,7 @@
 mod beginning;
 mod companion;
 mod conclusion;
+mod dead_end;
 mod evidence;
 mod judge;
 mod own;
@@ -36,6 +37,7 @@ use beginning::begin;
 use btr_core::world::{Cancelled, WorldError};
 use companion::{companion, exchange, exchange_for_larger, is_near, weigh_pairs};
 use conclusion::conclude;
+use dead_end::another_way;
 use refit::Rival;
 use report::SecondLooks;
 use round::round;
@@ -125,6 +127,12 @@ fn go_on(
             let restarts_left = if contact { 1 } else { RESTARTS };
             return go_on_with_new_starts(objective, question, state, on_step, restarts_left);
         }
+    }
+    if let Some(mut other) = another_way(objective, &mut state, question, on_step) {
+        objective.set_stoppable(false);
+        complete(objective, &mut other, on_step);
+        objective.set_stoppable(true);
+        return go_on(objective, question, other, on_step);
     }
     let cut_short = end == RoundEnd::CutShort;
     compare_findings(objective, question, &mut state, cut_short, on_step);

@@ -35,8 +35,12 @@ pub struct DiagnoseOptions {
 impl DiagnoseOptions {
     /// Whether another round may begin that leads to so many rollouts.
     pub(super) fn allows_round(&self, rollouts: usize, is_falling: bool) -> bool {
-        let most = if is_falling { self.max_rollouts_while_falling } else { self.max_rollouts };
-        DiagnoseOptions { max_rollouts: most, ..*self }.allows(SEARCH, rollouts)
+        if is_falling { self.while_falling() } else { *self }.allows(SEARCH, rollouts)
+    }
+
+    /// The same with the rollouts that are allowed while the error falls.
+    pub(super) fn while_falling(&self) -> Self {
+        DiagnoseOptions { max_rollouts: self.max_rollouts_while_falling, ..*self }
     }
 
     /// Whether a share of the rollouts is left, after these.

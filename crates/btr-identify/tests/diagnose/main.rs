@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod again;
+mod dead_end;
 mod findings;
 mod rivals;
 mod synthetic;

@@ -20,7 +20,12 @@ impl DiagnosisState {
             if objective.is_stopped() || !later.any(|later| self.may_depend_on(objective, index, later)) {
                 continue;
             }
-            let rivals = self.close_rivals(objective, index);
+            let mut rivals = self.close_rivals(objective, index);
+            if rivals.first().is_some_and(|(_, behind)| *behind < -TIE)
+                && self.follow_rival(objective, index, &rivals[0].0)
+            {
+                rivals = self.with_distances(objective, rivals.into_iter().map(|(rival, _)| rival));
+            }
             let takes_over = |(rival, behind): &&(Rival, f64)| {
                 *behind < -TIE || rival.fit.active.len() < self.fit.active.len() && *behind <= TIE
             };
@@ -41,17 +46,37 @@ impl DiagnosisState {
         let is_new = |&c: &usize| {
             candidates[c].needs == Needs::Nothing && !found.alike.contains(&candidates[c].name()) && !self.is_chosen(c)
         };
-        let measure = ComparisonMeasure::of(objective, &self.fit);
         let close = found.close.iter().copied().filter(is_new);
         let fitted = close.filter_map(|candidate| self.in_place(objective, index, candidate));
-        let borne_out = fitted.filter(|rival| self.is_borne_out(objective, rival.candidate, &rival.fit));
+        let borne_out: Vec<Rival> =
+            fitted.filter(|rival| self.is_borne_out(objective, rival.candidate, &rival.fit)).collect();
+        self.with_distances(objective, borne_out.into_iter())
+    }
+
+    /// Rivals with how far they are behind, the best first.
+    fn with_distances(&self, objective: &Objective, rivals: impl Iterator<Item = Rival>) -> Vec<(Rival, f64)> {
+        let measure = ComparisonMeasure::of(objective, &self.fit);
         let with_distance = |rival: Rival| {
             let behind = measure.behind(&rival.fit, &self.fit);
             (rival, behind)
         };
-        let mut rivals: Vec<(Rival, f64)> = borne_out.map(with_distance).collect();
+        let mut rivals: Vec<(Rival, f64)> = rivals.map(with_distance).collect();
         rivals.sort_by(|(_, a), (_, b)| a.total_cmp(b));
         rivals
+    }
+
+    /// Fits the findings once more from where a rival of one of them has moved all else, and says whether that leaves
+    /// less: a search that has stopped early is no evidence for the rival.
+    fn follow_rival(&mut self, objective: &Objective, index: usize, rival: &Rival) -> bool {
+        let parameters = |candidate: usize| objective.candidates()[candidate].parameters();
+        let mut u = rival.fit.u.clone();
+        parameters(rival.candidate).for_each(|k| u[k] = 0.0);
+        parameters(self.chosen[index].candidate).for_each(|k| u[k] = self.fit.u[k]);
+        let before = self.fit.cost;
+        if let Ok(fit) = FitPoint::at(objective, self.fit.active.clone(), u, &self.fit.step_error) {
+            self.follow(objective, fit);
+        }
+        self.fit.cost < before
     }
 
     /// Declares those of some fitted rivals that cannot be told from a finding, which shares its probability with them.

@@ -52,6 +52,14 @@ pub(super) struct DiagnosisState {
     pub(super) integrator: f64,
     /// The errors before the first finding; 0 before that.
     pub(super) unexplained_at_first: MeanSquares,
+    pub(super) tried: Tried,
+}
+
+/// What was tried where the search ended with an error left.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Tried {
+    pub(super) afresh: bool,
+    pub(super) another_first: bool,
 }
 
 impl DiagnosisState {
@@ -219,6 +227,19 @@ impl DiagnosisState {
         self.held_out = held_out_squares(objective, &self.fit.u).filter(|_| self.held_out.is_some());
         let gone = self.chosen.remove(index);
         self.ladder.push(self.step(objective, format!("- {}@{}", gone.effect, gone.site)));
+    }
+
+    /// The state without any finding, at the fit without them.
+    pub(super) fn without_findings(&self, objective: &Objective, bare: FitPoint) -> DiagnosisState {
+        let held_out = self.held_out.and_then(|_| held_out_squares(objective, &bare.u));
+        let (rivals, chosen, settled) = (Vec::new(), Vec::new(), Vec::new());
+        let (unconfirmed, left_over) = (None, None);
+        let mut state =
+            DiagnosisState { fit: bare, held_out, chosen, rivals, unconfirmed, settled, left_over, ..self.clone() };
+        for gone in &self.chosen {
+            state.ladder.push(state.step(objective, format!("- {}@{}", gone.effect, gone.site)));
+        }
+        state
     }
 
     /// Whether an instance after this one is among the findings.
