@@ -64,3 +64,16 @@ pub fn with_effects(objective: &mut Objective, effects: &[usize], start: &[f64])
     }
     if objective.model.is_cancelled() { Err(Cancelled.into()) } else { Ok(state.fit) }
 }
+
+/// The state of a diagnosis that has found one candidate, where the search ends from a point.
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+pub(super) fn with_one_found(objective: &mut Objective, candidate: usize, u: &[f64]) -> DiagnosisState {
+    let mut state = begin(objective, &|_| ()).unwrap();
+    let effect = &objective.candidates()[candidate];
+    let active = super::screen::with(&state.fit, effect);
+    state.chosen.push(MissingEffect::of(candidate, effect, 1.0, 0.0));
+    state.fit = FitPoint::at(objective, active, u.to_vec(), &[]).unwrap();
+    state.fit.solve(objective, SearchBudget::FULL);
+    state
+}

@@ -145,23 +145,13 @@ fn explains_most(objective: &Objective, state: &DiagnosisState, other: &Diagnosi
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
-    use super::super::beginning::begin;
+    #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::diagnose::beginning::with_one_found;
     use crate::fixture::{SyntheticModel, parameter};
     use crate::residual_model::Parametrisation;
     use std::f64::consts::PI;
-
-    /// The state with the one effect at a size.
-    fn at(objective: &mut Objective, size: f64) -> DiagnosisState {
-        let mut state = begin(objective, &|_| ()).unwrap();
-        let mut fit = FitPoint::at(objective, vec![0, 1], vec![0.0, size], &[]).unwrap();
-        fit.solve(objective, SearchBudget::FULL);
-        state.fit = fit;
-        state.chosen.push(MissingEffect::of(0, &objective.candidates()[0], 1.0, 0.0));
-        state
-    }
 
     #[test]
     fn findings_that_ended_in_a_local_minimum_are_fitted_once_more_from_typical_sizes() {
@@ -173,7 +163,7 @@ mod tests {
         let linear = || parameter(Parametrisation::Linear, 0.0, 1.0);
         let model = SyntheticModel::new(vec![linear(), linear()], 4, residual).with_candidate(1);
         let mut objective = Objective::new(&model);
-        let stuck = at(&mut objective, 6.0);
+        let stuck = with_one_found(&mut objective, 0, &[0.0, 6.0]);
         assert!((stuck.fit.u[1] - 6.0).abs() < 0.5, "{:?}", stuck.fit.u);
         let other = afresh(&mut objective, &stuck).unwrap();
         assert!((other.fit.u[1] - 1.0).abs() < 0.01 && (other.fit.u[0] - 0.3).abs() < 0.01, "{:?}", other.fit.u);

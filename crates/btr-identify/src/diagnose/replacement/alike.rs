@@ -154,3 +154,34 @@ impl DiagnosisState {
             && self.held_out.is_none_or(|now| held_out().is_none_or(|then| now <= (1.0 + HELD_OUT_FALL) * then))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::diagnose::beginning::with_one_found;
+    use crate::fixture::{SyntheticModel, parameter};
+    use crate::residual_model::Parametrisation;
+    use std::f64::consts::PI;
+
+    #[test]
+    fn a_rival_is_not_ahead_of_a_finding_whose_search_has_stopped_early() {
+        // Two effects that do the same. The gain has its least squares at 1, and a local minimum near 6.
+        let residual = |values: &[f64]| {
+            let (gain, size) = (values[0] - 1.0, values[1] + values[2] - 2.0);
+            vec![20.0 * (PI * gain / 5.0).sin(), 2.0 * gain, 20.0 * size, 20.0 * size]
+        };
+        let linear = || parameter(Parametrisation::Linear, 0.0, 1.0);
+        let model = SyntheticModel::new(vec![linear(), linear(), linear()], 4, residual);
+        let model = model.with_candidate(1).with_candidate(2);
+        let mut objective = Objective::new(&model);
+        let mut state = with_one_found(&mut objective, 0, &[6.0, 1.0, 0.0]);
+        let rival = Rival { candidate: 1, fit: with_one_found(&mut objective, 1, &[0.0, 0.0, 1.0]).fit };
+        let behind =
+            |state: &DiagnosisState| ComparisonMeasure::of(&objective, &state.fit).behind(&rival.fit, &state.fit);
+        assert!(behind(&state) < -TIE, "{}", behind(&state));
+        assert!(state.follow_rival(&objective, 0, &rival));
+        assert!(behind(&state).abs() < TIE, "{}", behind(&state));
+        assert!(!state.follow_rival(&objective, 0, &rival));
+    }
+}
