@@ -2,7 +2,7 @@
 //! finding may have been the wrong one of several that came close. Of two effects that act at once, a third one may
 //! explain more than either of them does alone, and neither shows beside it.
 
-use super::judge::judge_rivals;
+use super::judge::{judge_rivals, on_held_out, ranked};
 use super::refit::{Rival, race};
 use super::report::{DiagnoseOptions, MissingEffect, SEARCH};
 use super::screen::{self, screen};
@@ -33,19 +33,22 @@ pub(super) fn another_way(
     on_step: &dyn Fn(&LadderStep),
 ) -> Option<DiagnosisState> {
     let description = &objective.description;
-    let is_settled = description.has_contact || description.is_chaotic || description.is_decoupled;
-    if is_settled || state.chosen.is_empty() || objective.is_stopped() || !leaves_error(objective, state) {
+    // With contact every look is dear, and joints of a prescribed motion are questions of their own.
+    let is_left_alone = description.has_contact || description.is_chaotic || description.is_decoupled;
+    let allowed =
+        |share, rollouts| question.while_falling().allows(share, objective.rollouts().saturating_add(rollouts));
+    if is_left_alone || state.chosen.is_empty() || objective.is_stopped() || !leaves_error(objective, state) {
         return None;
     }
-    if !std::mem::replace(&mut state.tried.afresh, true)
+    if allowed(1.0, 0)
+        && !std::mem::replace(&mut state.tried.afresh, true)
         && let Some(other) = afresh(objective, state)
     {
         other.ladder.last().into_iter().for_each(on_step);
         return Some(other);
     }
-    let rollouts = objective.rollouts().saturating_add(INSTEAD * screen::rollouts(objective));
-    let allowed = question.while_falling().allows(SEARCH, rollouts);
-    if !allowed || std::mem::replace(&mut state.tried.another_first, true) {
+    let has_room = question.max_effects > 1 && allowed(SEARCH, INSTEAD * screen::rollouts(objective));
+    if !has_room || std::mem::replace(&mut state.tried.another_first, true) {
         return None;
     }
     let step = objective.step();
@@ -66,7 +69,7 @@ fn leaves_error(objective: &Objective, state: &DiagnosisState) -> bool {
 
 /// The findings fitted once more from typical sizes, with the free parameters at the model's values, if that leaves
 /// less: what was found first may have drawn all that followed into a local minimum.
-fn afresh(objective: &mut Objective, state: &DiagnosisState) -> Option<DiagnosisState> {
+fn afresh(objective: &Objective, state: &DiagnosisState) -> Option<DiagnosisState> {
     let from = |size: f64| {
         let mut u = vec![0.0; state.fit.u.len()];
         for candidate in state.chosen.iter().map(|found| &objective.candidates()[found.candidate]) {
@@ -108,13 +111,16 @@ fn another_first(objective: &mut Objective, state: &DiagnosisState) -> Option<Di
     };
     let base = instead.iter().find(|base| is_base(base, best))?.clone();
     rivals.retain(|rival| is_base(&&base, rival));
-    let gained = ComparisonMeasure::of(objective, &base.fit).behind(&bare, &base.fit);
+    let measure = ComparisonMeasure::of(objective, &base.fit);
+    let gained = measure.behind(&bare, &base.fit);
     let probability = 1.0 / (1.0 + (-gained / 2.0).exp());
     let found = MissingEffect {
         close: close.into_iter().chain([first.candidate]).filter(|&c| c != base.candidate).collect(),
         ..MissingEffect::of(base.candidate, &candidates[base.candidate], probability, gained)
     };
     let mut other = state.without_findings(objective, bare);
+    let held_out = on_held_out(objective, &other, &instead);
+    other.rounds.push(ranked(objective, (&measure, measure.criterion(&other.fit)), &instead, &held_out));
     other.accept(objective, base, found, &|_| ());
     let (rival, found) = judge_rivals(objective, &mut other, rivals)?;
     other.accept(objective, rival, found, &|_| ());
@@ -165,8 +171,8 @@ mod tests {
         let mut objective = Objective::new(&model);
         let stuck = with_one_found(&mut objective, 0, &[0.0, 6.0]);
         assert!((stuck.fit.u[1] - 6.0).abs() < 0.5, "{:?}", stuck.fit.u);
-        let other = afresh(&mut objective, &stuck).unwrap();
+        let other = afresh(&objective, &stuck).unwrap();
         assert!((other.fit.u[1] - 1.0).abs() < 0.01 && (other.fit.u[0] - 0.3).abs() < 0.01, "{:?}", other.fit.u);
-        assert!(afresh(&mut objective, &other).is_none());
+        assert!(afresh(&objective, &other).is_none());
     }
 }

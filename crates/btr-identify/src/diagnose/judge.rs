@@ -55,18 +55,8 @@ pub(super) fn judge_rivals(
     rivals.sort_by(|a, b| measure.criterion(&a.fit).total_cmp(&measure.criterion(&b.fit)));
     let before = measure.criterion(&state.fit);
     let candidates = objective.candidates();
-    if state.held_out.is_some() {
-        judge(objective, &rivals.iter().map(|r| r.fit.u.as_slice()).collect::<Vec<_>>());
-    }
-    let on_held_out = |r: &Rival| state.held_out.and_then(|_| held_out_squares(objective, &r.fit.u));
-    let held_out: Vec<Option<f64>> = rivals.iter().map(on_held_out).collect();
-    let ranked = |(r, squares): (&Rival, &Option<f64>)| RankedCandidate {
-        name: candidates[r.candidate].name(),
-        train: chi(r.fit.squares(), objective.samples(LogSet::Learn)),
-        held_out: squares.map(|squares| chi(squares, objective.samples(LogSet::HeldOut))),
-        delta_bic: before - measure.criterion(&r.fit),
-    };
-    state.rounds.push(rivals.iter().zip(&held_out).map(ranked).collect());
+    let held_out = on_held_out(objective, state, &rivals);
+    state.rounds.push(ranked(objective, (&measure, before), &rivals, &held_out));
     // The best that the held-out logs confirm: one that fits by accident is passed over.
     let passes = |(r, whole): &(&Rival, &Option<f64>)| {
         let learnt = |fit: &FitPoint| own::learnt(objective, r.candidate, fit);
@@ -99,6 +89,31 @@ pub(super) fn judge_rivals(
     rivals.retain(|r| !contradicted.contains(&r.candidate));
     let found = named(objective, state, &measure, &rivals, &winner, (best, stands_for.as_ref()));
     Some((winner, found))
+}
+
+/// The squares that rivals leave on the held-out logs, if these are judged; `None` where one cannot be simulated.
+pub(super) fn on_held_out(objective: &Objective, state: &DiagnosisState, rivals: &[Rival]) -> Vec<Option<f64>> {
+    if state.held_out.is_none() {
+        return vec![None; rivals.len()];
+    }
+    judge(objective, &rivals.iter().map(|rival| rival.fit.u.as_slice()).collect::<Vec<_>>());
+    rivals.iter().map(|rival| held_out_squares(objective, &rival.fit.u)).collect()
+}
+
+/// What is told of the rivals of a round; `before` is B without any of them.
+pub(super) fn ranked(
+    objective: &Objective,
+    (measure, before): (&ComparisonMeasure, f64),
+    rivals: &[Rival],
+    held_out: &[Option<f64>],
+) -> Vec<RankedCandidate> {
+    let of = |(rival, squares): (&Rival, &Option<f64>)| RankedCandidate {
+        name: objective.candidates()[rival.candidate].name(),
+        train: chi(rival.fit.squares(), objective.samples(LogSet::Learn)),
+        held_out: squares.map(|squares| chi(squares, objective.samples(LogSet::HeldOut))),
+        delta_bic: before - measure.criterion(&rival.fit),
+    };
+    rivals.iter().zip(held_out).map(of).collect()
 }
 
 /// The rivals, which pass and are sorted by B, without those that the held-out logs contradict, and these.
