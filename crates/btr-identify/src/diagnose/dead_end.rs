@@ -7,9 +7,8 @@ use super::refit::{Rival, race};
 use super::report::{DiagnoseOptions, MissingEffect, SEARCH};
 use super::screen::{self, screen};
 use super::state::DiagnosisState;
-use super::thresholds::LEARNT_FALL;
-use crate::LadderStep;
-use crate::fit::measure::{ComparisonMeasure, held_out_squares};
+use super::thresholds::{DECISIVE, LEARNT_FALL};
+use crate::fit::measure::ComparisonMeasure;
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 use crate::residual_model::Needs;
@@ -25,38 +24,49 @@ const INSTEAD: usize = 3;
 const LEAVES: f64 = 0.25;
 
 /// Another state from which the search goes on, if it leaves less than this one, which leaves more than noise. Each way
-/// to one is tried once.
+/// to one is tried once; `is_refused` is set where the limit of rollouts does not allow it.
 pub(super) fn another_way(
     objective: &mut Objective,
     state: &mut DiagnosisState,
     question: DiagnoseOptions,
-    on_step: &dyn Fn(&LadderStep),
+    is_refused: &mut bool,
 ) -> Option<DiagnosisState> {
     let description = &objective.description;
     // With contact every look is dear, and joints of a prescribed motion are questions of their own.
     let is_left_alone = description.has_contact || description.is_chaotic || description.is_decoupled;
-    let allowed =
-        |share, rollouts| question.while_falling().allows(share, objective.rollouts().saturating_add(rollouts));
     if is_left_alone || state.chosen.is_empty() || objective.is_stopped() || !leaves_error(objective, state) {
         return None;
     }
-    if allowed(1.0, 0)
-        && !std::mem::replace(&mut state.tried.afresh, true)
-        && let Some(other) = afresh(objective, state)
-    {
-        other.ladder.last().into_iter().for_each(on_step);
-        return Some(other);
+    let allowed = |objective: &Objective, share, rollouts| {
+        question.while_falling().allows(share, objective.rollouts().saturating_add(rollouts))
+    };
+    if !std::mem::replace(&mut state.tried.afresh, true) && allowed(objective, 1.0, 0) {
+        let other = attempt(objective, state, afresh);
+        if other.is_some() || objective.is_stopped() {
+            return other;
+        }
     }
-    let has_room = question.max_effects > 1 && allowed(SEARCH, INSTEAD * screen::rollouts(objective));
-    if !has_room || std::mem::replace(&mut state.tried.another_first, true) {
+    let is_open = question.max_effects > 1 && !state.tried.another_first;
+    *is_refused = is_open && !allowed(objective, SEARCH, (INSTEAD + 1) * screen::rollouts(objective));
+    if !is_open || *is_refused {
         return None;
     }
+    state.tried.another_first = true;
+    attempt(objective, state, another_first)
+}
+
+/// What a way leads to; without any, the state has the error of the time step that the attempt may have refined.
+fn attempt(
+    objective: &mut Objective,
+    state: &mut DiagnosisState,
+    way: fn(&mut Objective, &DiagnosisState) -> Option<DiagnosisState>,
+) -> Option<DiagnosisState> {
     let step = objective.step();
-    let other = another_first(objective, state);
-    match &other {
-        Some(other) => other.ladder[state.ladder.len()..].iter().for_each(on_step),
-        None if objective.step() != step => state.integrator = state.fit.renew_step_error(objective),
-        None => (),
+    let other = way(objective, state).filter(|_| !objective.is_stopped());
+    if other.is_none() && objective.step() != step {
+        objective.set_stoppable(false);
+        state.integrator = state.fit.renew_step_error(objective);
+        objective.set_stoppable(true);
     }
     other
 }
@@ -68,75 +78,113 @@ fn leaves_error(objective: &Objective, state: &DiagnosisState) -> bool {
 }
 
 /// The findings fitted once more from typical sizes, with the free parameters at the model's values, if that leaves
-/// less: what was found first may have drawn all that followed into a local minimum.
-fn afresh(objective: &Objective, state: &DiagnosisState) -> Option<DiagnosisState> {
-    let from = |size: f64| {
-        let mut u = vec![0.0; state.fit.u.len()];
-        for candidate in state.chosen.iter().map(|found| &objective.candidates()[found.candidate]) {
-            candidate.amplitudes.iter().for_each(|&k| u[k] = objective.parameters()[k].clamp(size));
-            candidate.shapes.iter().zip(&candidate.starts[0]).for_each(|(&k, &shape)| u[k] = shape);
-        }
-        let mut fit = FitPoint::at(objective, state.fit.active.clone(), u, &state.fit.step_error).ok()?;
-        fit.solve(objective, TRIAL);
-        Some(fit)
-    };
-    let mut fit = SIZES.into_iter().filter_map(from).min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+/// less: what was found first may have drawn all that followed into a local minimum. Sizes and ripples that no
+/// derivative leads to stay.
+fn afresh(objective: &mut Objective, state: &DiagnosisState) -> Option<DiagnosisState> {
+    let fits = SIZES.into_iter().filter_map(|size| from_size(objective, state, size));
+    let mut fit = fits.min_by(|a, b| a.cost.total_cmp(&b.cost))?;
     fit.solve(objective, SearchBudget::FULL);
-    let held_out = state.held_out.and_then(|_| held_out_squares(objective, &fit.u));
     let falls = |from: f64, to: f64| to < (1.0 - LEARNT_FALL) * from;
-    let confirmed = state.held_out.is_none_or(|now| held_out.is_some_and(|then| then < now));
-    if objective.is_stopped() || !falls(state.fit.squares(), fit.squares()) || !confirmed {
+    if !falls(state.fit.squares(), fit.squares()) {
         return None;
     }
-    let mut other = DiagnosisState { fit, ..state.clone() };
+    // What was left, told apart or could not be told apart was so beside the old values.
+    let (left_over, unconfirmed, rivals) = (None, None, Vec::new());
+    let mut other = DiagnosisState { fit, left_over, unconfirmed, rivals, ..state.clone() };
+    other.integrator = other.fit.renew_step_error(objective);
+    other.fit.solve(objective, SearchBudget::RACE);
     other.record(objective, "fitted once more from the model as it stands".to_owned(), &|_| ());
+    let confirmed = state.held_out.is_none_or(|now| other.held_out.is_some_and(|then| then < now));
+    if !confirmed || !falls(state.fit.squares(), other.fit.squares()) {
+        return None;
+    }
     other.eliminate(objective);
+    let all = 0..other.chosen.len();
+    other.simplify(objective, all);
     Some(other)
 }
 
+/// The findings fitted from a multiple of their typical sizes; `None` where that cannot be simulated.
+fn from_size(objective: &Objective, state: &DiagnosisState, size: f64) -> Option<FitPoint> {
+    let mut u = vec![0.0; state.fit.u.len()];
+    for candidate in state.chosen.iter().map(|found| &objective.candidates()[found.candidate]) {
+        candidate.amplitudes.iter().for_each(|&k| u[k] = objective.parameters()[k].clamp(size));
+        candidate.shapes.iter().zip(&candidate.starts[0]).for_each(|(&k, &shape)| u[k] = shape);
+        let kept =
+            candidate.parameters().filter(|&k| candidate.ripple.is_some() || objective.parameters()[k].is_searched());
+        kept.for_each(|k| u[k] = state.fit.u[k]);
+    }
+    let mut fit = FitPoint::at(objective, state.fit.active.clone(), u, &state.fit.step_error).ok()?;
+    fit.solve(objective, TRIAL);
+    Some(fit)
+}
+
 /// Another candidate in the place of the first finding, with what shows beside it, if the two explain most of what all
-/// findings leave. Tried are those that came close to it in its round, all in one screening.
+/// findings leave. Tried are up to three that came close to it in its round: one screening beside all of them decides
+/// which, and a round beside that one what shows.
 fn another_first(objective: &mut Objective, state: &DiagnosisState) -> Option<DiagnosisState> {
     let (first, bare) = (state.chosen.first()?, state.bare_now(objective)?);
     let candidates = objective.candidates();
     let stands_alone = |c: &usize| candidates[*c].needs == Needs::Nothing && *c != first.candidate;
     let close: Vec<usize> = first.close.iter().copied().filter(stands_alone).take(INSTEAD).collect();
-    let instead = with_each(objective, std::slice::from_ref(&bare), &close);
-    let offered: Vec<usize> = (0..candidates.len()).filter(|c| stands_alone(c) && !close.contains(c)).collect();
-    let bases: Vec<FitPoint> = instead.iter().map(|rival| rival.fit.clone()).collect();
-    let mut rivals = with_each(objective, &bases, &offered);
-    let best = rivals.first()?;
-    let is_base = |base: &&Rival, rival: &Rival| {
-        candidates[base.candidate].parameters().all(|parameter| rival.fit.active.contains(&parameter))
-    };
-    let base = instead.iter().find(|base| is_base(base, best))?.clone();
-    rivals.retain(|rival| is_base(&&base, rival));
-    let measure = ComparisonMeasure::of(objective, &base.fit);
-    let gained = measure.behind(&bare, &base.fit);
-    let probability = 1.0 / (1.0 + (-gained / 2.0).exp());
-    let found = MissingEffect {
-        close: close.into_iter().chain([first.candidate]).filter(|&c| c != base.candidate).collect(),
-        ..MissingEffect::of(base.candidate, &candidates[base.candidate], probability, gained)
-    };
+    let instead = beside(objective, &mut [bare.clone()], &close);
+    let offered: Vec<usize> = (0..candidates.len()).filter(stands_alone).collect();
+    let base = instead.get(most_promising(objective, &instead, &offered)?)?.clone();
     let mut other = state.without_findings(objective, bare);
-    let held_out = on_held_out(objective, &other, &instead);
-    other.rounds.push(ranked(objective, (&measure, measure.criterion(&other.fit)), &instead, &held_out));
+    let found = weighed(objective, &mut other, &base, &instead, first.candidate);
     other.accept(objective, base, found, &|_| ());
+    let offered = other.offered(objective);
+    let rivals = beside(objective, &mut [other.fit.clone()], &offered);
     let (rival, found) = judge_rivals(objective, &mut other, rivals)?;
     other.accept(objective, rival, found, &|_| ());
     other.eliminate(objective);
-    let is_better = !objective.is_stopped() && other.chosen.len() > 1 && explains_most(objective, state, &other);
-    is_better.then_some(other)
+    (other.chosen.len() > 1 && explains_most(objective, state, &other)).then_some(other)
 }
 
-/// The fits of candidates, each beside the base from which it explains most.
-fn with_each(objective: &Objective, bases: &[FitPoint], candidates: &[usize]) -> Vec<Rival> {
-    if candidates.is_empty() || bases.is_empty() {
-        return Vec::new();
+/// Which of some fitted rivals explains most together with one of the candidates `offered`.
+fn most_promising(objective: &Objective, instead: &[Rival], offered: &[usize]) -> Option<usize> {
+    let mut bases: Vec<FitPoint> = instead.iter().map(|rival| rival.fit.clone()).collect();
+    if bases.is_empty() {
+        return None;
     }
-    let mut bases = bases.to_vec();
-    let starts = screen(objective, &mut bases, candidates);
-    race(objective, &bases, &starts, None)
+    let mut starts = screen(objective, &mut bases, offered);
+    starts.retain(|start| instead[start.base].candidate != start.candidate);
+    let best = race(objective, &bases, &starts, None).into_iter().next()?;
+    let has = |base: &Rival| {
+        let mut own = objective.candidates()[base.candidate].parameters();
+        base.candidate != best.candidate && own.all(|parameter| best.fit.active.contains(&parameter))
+    };
+    instead.iter().position(has)
+}
+
+/// One of some rivals as the first finding of a state without any, weighed against them, with a round that ranks them.
+fn weighed(
+    objective: &Objective,
+    state: &mut DiagnosisState,
+    base: &Rival,
+    instead: &[Rival],
+    before: usize,
+) -> MissingEffect {
+    let (candidates, measure) = (objective.candidates(), ComparisonMeasure::of(objective, &base.fit));
+    let held_out = on_held_out(objective, state, instead);
+    state.rounds.push(ranked(objective, (&measure, measure.criterion(&state.fit)), instead, &held_out));
+    let behind = |fit: &FitPoint| measure.behind(fit, &base.fit);
+    let others = || instead.iter().filter(|rival| rival.candidate != base.candidate);
+    // Of those that are ahead without the other effect, the screening has told: they count as a tie.
+    let belief = |fit: &FitPoint| (-behind(fit).max(0.0) / 2.0).exp();
+    let alike = others().filter(|rival| behind(&rival.fit).abs() <= DECISIVE);
+    let total = 1.0 + belief(&state.fit) + alike.clone().map(|rival| belief(&rival.fit)).sum::<f64>();
+    MissingEffect {
+        alike: alike.map(|rival| candidates[rival.candidate].name()).collect(),
+        close: others().map(|rival| rival.candidate).chain([before]).collect(),
+        ..MissingEffect::of(base.candidate, &candidates[base.candidate], 1.0 / total, behind(&state.fit))
+    }
+}
+
+/// The fits of candidates beside a base.
+fn beside(objective: &Objective, base: &mut [FitPoint; 1], candidates: &[usize]) -> Vec<Rival> {
+    let starts = screen(objective, base, candidates);
+    race(objective, base, &starts, None)
 }
 
 /// Whether another state leaves so little of the squares above the noise, on training and on held-out logs.
@@ -171,8 +219,8 @@ mod tests {
         let mut objective = Objective::new(&model);
         let stuck = with_one_found(&mut objective, 0, &[0.0, 6.0]);
         assert!((stuck.fit.u[1] - 6.0).abs() < 0.5, "{:?}", stuck.fit.u);
-        let other = afresh(&objective, &stuck).unwrap();
+        let other = afresh(&mut objective, &stuck).unwrap();
         assert!((other.fit.u[1] - 1.0).abs() < 0.01 && (other.fit.u[0] - 0.3).abs() < 0.01, "{:?}", other.fit.u);
-        assert!(afresh(&objective, &other).is_none());
+        assert!(afresh(&mut objective, &other).is_none());
     }
 }

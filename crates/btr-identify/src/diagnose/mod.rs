@@ -128,13 +128,18 @@ fn go_on(
             return go_on_with_new_starts(objective, question, state, on_step, restarts_left);
         }
     }
-    if let Some(mut other) = another_way(objective, &mut state, question, on_step) {
+    let (mut is_refused, spent) = (false, objective.rollouts());
+    let other = another_way(objective, &mut state, question, &mut is_refused);
+    // What that took is not missing from what follows.
+    let question = question.with_more(objective.rollouts() - spent);
+    if let Some(mut other) = other {
+        other.ladder[state.ladder.len()..].iter().for_each(on_step);
         objective.set_stoppable(false);
         complete(objective, &mut other, on_step);
         objective.set_stoppable(true);
-        return go_on(objective, question, other, on_step);
+        return go_on_with_new_starts(objective, question, other, on_step, RESTARTS);
     }
-    let cut_short = end == RoundEnd::CutShort;
+    let cut_short = end == RoundEnd::CutShort || is_refused || objective.is_stopped();
     compare_findings(objective, question, &mut state, cut_short, on_step);
     Diagnosis { cut_short, ..conclude(objective, question, state) }
 }

@@ -28,7 +28,8 @@ pub struct DiagnoseOptions {
     /// of this number, none screens a second time beyond half of it, and no law is searched beyond all of it. What a
     /// round has begun to fit is finished.
     pub max_rollouts: usize,
-    /// The same for further rounds while what is found halves the error: at least as many.
+    /// The same for further rounds while what is found halves the error, and to try another way where the search ends
+    /// with an error left: at least as many.
     pub max_rollouts_while_falling: usize,
 }
 
@@ -41,6 +42,12 @@ impl DiagnoseOptions {
     /// The same with the rollouts that are allowed while the error falls.
     pub(super) fn while_falling(&self) -> Self {
         DiagnoseOptions { max_rollouts: self.max_rollouts_while_falling, ..*self }
+    }
+
+    /// The same with more rollouts, up to those that are allowed while the error falls.
+    pub(super) fn with_more(self, rollouts: usize) -> Self {
+        let most = self.max_rollouts.saturating_add(rollouts).min(self.max_rollouts_while_falling);
+        DiagnoseOptions { max_rollouts: most, ..self }
     }
 
     /// Whether a share of the rollouts is left, after these.

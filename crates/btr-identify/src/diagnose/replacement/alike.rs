@@ -2,7 +2,7 @@
 
 use crate::LadderStep;
 use crate::diagnose::own;
-use crate::diagnose::refit::{Rival, race};
+use crate::diagnose::refit::{FOLLOWER, Rival, race};
 use crate::diagnose::report::{RivalPoint, RivalProbability};
 use crate::diagnose::state::DiagnosisState;
 use crate::diagnose::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL, TIE};
@@ -21,10 +21,9 @@ impl DiagnosisState {
                 continue;
             }
             let mut rivals = self.close_rivals(objective, index);
-            if rivals.first().is_some_and(|(_, behind)| *behind < -TIE)
-                && self.follow_rival(objective, index, &rivals[0].0)
-            {
-                rivals = self.with_distances(objective, rivals.into_iter().map(|(rival, _)| rival));
+            let is_ahead = rivals.first().is_some_and(|(_, behind)| *behind < -TIE);
+            if is_ahead && self.follow_rival(objective, index, &rivals[0].0) {
+                rivals = self.close_rivals(objective, index);
             }
             let takes_over = |(rival, behind): &&(Rival, f64)| {
                 *behind < -TIE || rival.fit.active.len() < self.fit.active.len() && *behind <= TIE
@@ -48,35 +47,43 @@ impl DiagnosisState {
         };
         let close = found.close.iter().copied().filter(is_new);
         let fitted = close.filter_map(|candidate| self.in_place(objective, index, candidate));
-        let borne_out: Vec<Rival> =
-            fitted.filter(|rival| self.is_borne_out(objective, rival.candidate, &rival.fit)).collect();
-        self.with_distances(objective, borne_out.into_iter())
-    }
-
-    /// Rivals with how far they are behind, the best first.
-    fn with_distances(&self, objective: &Objective, rivals: impl Iterator<Item = Rival>) -> Vec<(Rival, f64)> {
+        let borne_out = fitted.filter(|rival| self.is_borne_out(objective, rival.candidate, &rival.fit));
         let measure = ComparisonMeasure::of(objective, &self.fit);
         let with_distance = |rival: Rival| {
             let behind = measure.behind(&rival.fit, &self.fit);
             (rival, behind)
         };
-        let mut rivals: Vec<(Rival, f64)> = rivals.map(with_distance).collect();
+        let mut rivals: Vec<(Rival, f64)> = borne_out.map(with_distance).collect();
         rivals.sort_by(|(_, a), (_, b)| a.total_cmp(b));
         rivals
     }
 
     /// Fits the findings once more from where a rival of one of them has moved all else, and says whether that leaves
-    /// less: a search that has stopped early is no evidence for the rival.
+    /// less, on training logs and not more on held-out ones: a search that has stopped early is no evidence for the
+    /// rival.
     fn follow_rival(&mut self, objective: &Objective, index: usize, rival: &Rival) -> bool {
-        let parameters = |candidate: usize| objective.candidates()[candidate].parameters();
+        let candidates = objective.candidates();
+        let found = self.chosen[index].candidate;
+        let acts_through = |needs: &Needs| match needs {
+            Needs::Nothing => false,
+            Needs::OneOf(others) => others.contains(&found),
+            Needs::Instance(first) => *first == found,
+        };
         let mut u = rival.fit.u.clone();
-        parameters(rival.candidate).for_each(|k| u[k] = 0.0);
-        parameters(self.chosen[index].candidate).for_each(|k| u[k] = self.fit.u[k]);
-        let before = self.fit.cost;
-        if let Ok(fit) = FitPoint::at(objective, self.fit.active.clone(), u, &self.fit.step_error) {
-            self.follow(objective, fit);
+        candidates[rival.candidate].parameters().for_each(|k| u[k] = 0.0);
+        let own = self.chosen.iter().map(|other| other.candidate);
+        let own = own.filter(|&c| c == found || acts_through(&candidates[c].needs));
+        own.flat_map(|c| candidates[c].parameters()).for_each(|k| u[k] = self.fit.u[k]);
+        let Ok(mut fit) = FitPoint::at(objective, self.fit.active.clone(), u, &self.fit.step_error) else {
+            return false;
+        };
+        fit.solve(objective, FOLLOWER);
+        let is_better = fit.cost < self.fit.cost && self.is_borne_out(objective, found, &fit);
+        if is_better {
+            self.fit = fit;
+            self.renew_last_step(objective);
         }
-        self.fit.cost < before
+        is_better
     }
 
     /// Declares those of some fitted rivals that cannot be told from a finding, which shares its probability with them.

@@ -361,7 +361,7 @@ impl DiagnosisState {
     }
 
     /// Updates the last step of the ladder to the error of the current fit.
-    fn renew_last_step(&mut self, objective: &Objective) {
+    pub(super) fn renew_last_step(&mut self, objective: &Objective) {
         self.held_out = self.held_out.and_then(|_| held_out_squares(objective, &self.fit.u));
         if let Some(step) = self.ladder.pop().map(|step| step.step) {
             self.ladder.push(self.step(objective, step));

@@ -10,7 +10,7 @@ pub(in crate::effects) struct EncoderDelay;
 
 static SPEC: EffectSpec = EffectSpec {
     name: "encoder_delay",
-    law: "the log's position and velocity are those of t - delay; before that, at the first velocity",
+    law: "the log's position and velocity are those of t - delay; before the start, it moved at the first velocity",
     site: SiteKind::Joint,
     cite: "transport delay",
     symptom: "the measured motion trails the simulated one by the same time at every speed, while the torque does not",
