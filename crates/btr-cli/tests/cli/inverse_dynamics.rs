@@ -2,6 +2,7 @@
 
 use crate::lab::{Lab, noise};
 use serde_json::Value;
+use std::f64::consts::PI;
 use std::fmt::Write;
 
 const MODEL: &str = r#"name = "leg"
@@ -62,26 +63,46 @@ fn swing(t: f64, phase: f64, (slow, fast): (f64, f64)) -> [f64; 3] {
     ]
 }
 
-/// A leg with what is [`HIDDEN`], in two logs of motion and torque. Its torques are those that the model without it
-/// requires, and on top what friction and rotor take: simulated torques are smoothed, and friction's steps are not.
-fn lab() -> Lab {
-    lab_with(0.0, [0.0; 3])
+/// A leg with what is [`HIDDEN`], and with more.
+struct Planted {
+    /// Torque at the knee by where the hip is, as by a cable that runs past it, in N·m/rad.
+    cable: f64,
+    /// What a motor that turns with both joints takes of both: dry friction in N·m, viscous friction in N·m·s/rad, and a
+    /// rotor in kg·m².
+    motor: [f64; 3],
+    /// The motions of hip and knee at a time, in a log that has a phase.
+    motions: fn(f64, f64) -> [[f64; 3]; 2],
+    /// What friction holds in N·m at a time, while both stand still.
+    held: fn(f64) -> f64,
 }
 
-/// The same with a torque at the knee by where the hip is, as by a cable that runs past it, in N·m/rad; and with what a
-/// motor that turns with both joints takes of both: dry friction in N·m, viscous friction in N·m·s/rad, and a rotor in
-/// kg·m².
-fn lab_with(cable: f64, [dry, viscous, rotor]: [f64; 3]) -> Lab {
-    let lab = Lab::new();
-    lab.write("leg.urdf", URDF);
-    lab.write("leg.toml", MODEL);
-    for (name, phase) in [("learn", 0.0), ("held_out", 2.0)] {
+impl Default for Planted {
+    fn default() -> Self {
+        let motions = |t, phase| [swing(t, phase, (2.1, 4.7)), swing(t, phase, (2.9, 5.3))];
+        Planted { cable: 0.0, motor: [0.0; 3], motions, held: |_| 0.0 }
+    }
+}
+
+impl Planted {
+    /// Two logs of motion and torque: the torques that the model without anything hidden requires, and on top what
+    /// friction and rotor take. Simulated torques are smoothed, and friction's steps are not.
+    fn lab(self) -> Lab {
+        let lab = Lab::new();
+        lab.write("leg.urdf", URDF);
+        lab.write("leg.toml", MODEL);
+        for (name, phase) in [("learn", 0.0), ("held_out", 2.0)] {
+            self.write(&lab, name, phase);
+        }
+        lab
+    }
+
+    fn write(&self, lab: &Lab, name: &str, phase: f64) {
         let at = |i: u32| {
             let t = f64::from(i) / RATE_HZ;
-            (t, swing(t, phase, (2.1, 4.7)), swing(t, phase, (2.9, 5.3)))
+            (t, (self.motions)(t, phase))
         };
         let mut motion = "t,q_hip,q_knee\n".to_owned();
-        for (t, hip, knee) in (0..SAMPLES).map(at) {
+        for (t, [hip, knee]) in (0..SAMPLES).map(at) {
             writeln!(motion, "{t},{},{}", hip[0], knee[0]).unwrap();
         }
         lab.write("motion.csv", &motion);
@@ -90,21 +111,26 @@ fn lab_with(cable: f64, [dry, viscous, rotor]: [f64; 3]) -> Lab {
         let header: Vec<&str> = required.lines().next().unwrap().split(',').collect();
         let columns = ["tau_hip", "tau_knee"].map(|name| header.iter().position(|h| *h == name).unwrap());
         let mut log = "t,q_hip,q_knee,tau_hip,tau_knee\n".to_owned();
+        let sign = |velocity: f64| if velocity == 0.0 { 0.0 } else { velocity.signum() };
         for (i, line) in (0..SAMPLES).zip(required.lines().skip(1)) {
             let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap_or(f64::NAN)).collect();
-            let (t, hip, knee) = at(i);
+            let (t, [hip, knee]) = at(i);
             let noise = |k: usize, sigma: f64| sigma * noise(i, phase + 3.0 * k as f64);
             let (q_hip, q_knee) = (hip[0] + noise(0, ENCODER_RAD), knee[0] + noise(1, ENCODER_RAD));
             let both = [hip[1] + knee[1], hip[2] + knee[2]];
-            let shared = dry * both[0].signum() + viscous * both[0] + rotor * both[1];
-            let tau_hip = cells[columns[0]] + 0.8 * hip[1] + 0.05 * hip[2] + shared + noise(2, TORQUE_NM[0]);
-            let own = 0.04 * knee[1].signum() + cable * hip[0] + shared;
-            let tau_knee = cells[columns[1]] + own + noise(3, TORQUE_NM[1]);
+            let shared = self.motor[0] * sign(both[0]) + self.motor[1] * both[0] + self.motor[2] * both[1];
+            let held = if hip[1] == 0.0 && knee[1] == 0.0 { (self.held)(t) } else { 0.0 };
+            let tau_hip = cells[columns[0]] + 0.8 * hip[1] + 0.05 * hip[2] + shared + held + noise(2, TORQUE_NM[0]);
+            let own = 0.04 * sign(knee[1]) + self.cable * hip[0] + shared;
+            let tau_knee = cells[columns[1]] + own + held + noise(3, TORQUE_NM[1]);
             writeln!(log, "{t},{q_hip},{q_knee},{tau_hip},{tau_knee}").unwrap();
         }
         lab.write(&format!("{name}.csv"), &log);
     }
-    lab
+}
+
+fn lab() -> Lab {
+    Planted::default().lab()
 }
 
 /// Spoils every seventieth reading of each torque: full scale, a zero, or the reading before.
@@ -128,12 +154,6 @@ fn spoil_torques(lab: &Lab, log: &str) {
 fn glitches_of_torques_change_no_verdict() {
     let answer = |lab: &Lab, options: &str| {
         lab.json(&format!("diagnose leg.toml learn.csv --held-out held_out.csv -q{options}"))
-    };
-    let named = |answer: &Value| {
-        let effects = answer["effects"].as_array().unwrap().iter();
-        let mut names: Vec<String> = effects.map(|of| format!("{} {}", of["effect"], of["site"])).collect();
-        names.sort();
-        (answer["verdict"].clone(), names)
     };
     let lab = lab();
     let clean = answer(&lab, "");
@@ -183,7 +203,7 @@ fn each_torque_has_its_own_floor_and_a_weak_joint_is_not_overlooked() {
 /// No effect of the library couples two joints' positions: the law that is left names the neighbour.
 #[test]
 fn a_coupled_joint_is_told_as_a_law_over_its_neighbour() {
-    let lab = lab_with(0.1, [0.0; 3]);
+    let lab = Planted { cable: 0.1, ..Planted::default() }.lab();
     let answer = lab.json("diagnose leg.toml learn.csv --held-out held_out.csv -q");
     assert!(["unexplained", "partly_explained"].contains(&answer["verdict"].as_str().unwrap()), "{answer}");
     let law = &answer["residual_law"];
@@ -196,7 +216,7 @@ fn a_coupled_joint_is_told_as_a_law_over_its_neighbour() {
 /// a joint's own motion is that joint's viscous friction and rotor.
 #[test]
 fn a_motor_that_turns_with_two_joints_is_named_at_both() {
-    let lab = lab_with(0.0, [0.1, 0.06, 0.004]);
+    let lab = Planted { motor: [0.1, 0.06, 0.004], ..Planted::default() }.lab();
     let answer = lab.json("diagnose leg.toml learn.csv --held-out held_out.csv -q");
     let value = |name: &str| {
         let effects = answer["effects"].as_array().unwrap().iter();
@@ -216,6 +236,64 @@ fn a_motor_that_turns_with_two_joints_is_named_at_both() {
     }
     assert!(value("child_coupling.viscous@hip").is_some(), "{answer}");
     assert!(!answer["effects"].to_string().contains("asymmetric"), "{answer}");
+}
+
+/// The names and the verdict of a diagnosis of the leg.
+fn named(answer: &Value) -> (String, Vec<String>) {
+    let effects = answer["effects"].as_array().unwrap().iter();
+    let name = |of: &Value| format!("{}@{}", of["effect"].as_str().unwrap(), of["site"].as_str().unwrap());
+    let mut names: Vec<String> = effects.map(name).collect();
+    names.sort();
+    (answer["verdict"].as_str().unwrap().to_owned(), names)
+}
+
+/// Friction holds any torque up to its size while a joint stands: what the log shows there depends on how it came to
+/// rest, and says nothing of the laws.
+#[test]
+fn torques_of_joints_that_stand_still_are_left_out() {
+    /// Both come to rest between the fourth and the fifth second: what has passed by then, and its two derivatives.
+    fn passed(t: f64) -> [f64; 3] {
+        match t {
+            t if t < 4.0 => [t, 1.0, 0.0],
+            t if t < 5.0 => {
+                let (sin, cos) = (PI * (t - 4.0)).sin_cos();
+                [4.0 + 0.5 * (t - 4.0 + sin / PI), 0.5 * (1.0 + cos), -0.5 * PI * sin]
+            }
+            _ => [4.5, 0.0, 0.0],
+        }
+    }
+    let motions = |t: f64, phase: f64| {
+        let [s, ds, dds] = passed(t);
+        [(2.1, 4.7), (2.9, 5.3)].map(|w| {
+            let [q, dq, ddq] = swing(s, phase, w);
+            [q, dq * ds, ddq * ds * ds + dq * dds]
+        })
+    };
+    let lab = Planted { motions, held: |t| 0.03 * (5.0 - t).exp() - 0.015, ..Planted::default() }.lab();
+    let answer = |options: &str| lab.json(&format!("diagnose leg.toml learn.csv --held-out held_out.csv -q{options}"));
+    let left_out = answer("");
+    let true_names = ["armature@hip", "coulomb_friction@knee", "viscous_friction@hip"].map(str::to_owned);
+    assert_eq!(named(&left_out), ("effect_missing".to_owned(), true_names.to_vec()), "{left_out}");
+    let told = String::from_utf8(lab.run("compare leg.toml held_out.csv").stderr).unwrap();
+    assert!(told.contains("stands still") && told.contains("hip (3."), "{told}");
+    let kept = answer(" --set channels.keep_standstill=true");
+    let error = |answer: &Value| answer["error_ladder"].as_array().unwrap().last().unwrap()["train"].as_f64().unwrap();
+    assert!(error(&left_out) < 1.1 && error(&kept) > 1.5, "{kept}");
+}
+
+/// Where both joints move together in the training log and against each other in the held-out one, friction at the
+/// knee and its coupling to the hip are only confirmed beside each other.
+#[test]
+fn a_coupling_that_the_training_log_shows_as_friction_is_named() {
+    let motions = |t: f64, phase: f64| {
+        let (hip, own) = (swing(t, phase, (2.1, 4.7)), swing(t, phase, (2.9, 5.3)));
+        let with = if phase == 0.0 { 1.0 } else { -1.8 };
+        [hip, [0, 1, 2].map(|k| with * hip[k] + 0.35 * own[k])]
+    };
+    let lab = Planted { motor: [0.1, 0.06, 0.0], motions, ..Planted::default() }.lab();
+    let answer = lab.json("diagnose leg.toml learn.csv --held-out held_out.csv -q");
+    let (_, names) = named(&answer);
+    assert!(names.contains(&"parent_coupling@knee".to_owned()), "{answer}");
 }
 
 /// A wrong sign of a torque is told from everything else. A torque constant that is not the drive's follows from links

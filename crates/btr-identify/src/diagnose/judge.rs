@@ -32,7 +32,8 @@ fn unconfirmed(
     let (first, others) = rivals.split_first()?;
     let behind = |fit: &FitPoint| measure.behind(fit, &first.fit);
     let gained = behind(&state.fit);
-    if gained <= DECISIVE || first.fit.squares() >= (1.0 - SHOWN) * state.fit.squares() {
+    let learnt = |fit: &FitPoint| own::learnt(objective, first.candidate, fit);
+    if gained <= DECISIVE || learnt(&first.fit) >= (1.0 - SHOWN) * learnt(&state.fit) {
         return None;
     }
     let belief = |fit: &FitPoint| (-behind(fit) / 2.0).exp();

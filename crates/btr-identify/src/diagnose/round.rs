@@ -7,7 +7,7 @@ use super::refit::{Rival, last_chance, last_chance_of_the_best, race};
 use super::report::{MissingEffect, RankedCandidate, SecondLooks};
 use super::screen::{StartPoint, is_searched, screen};
 use super::short_parts::from_short_parts;
-use super::state::DiagnosisState;
+use super::state::{DiagnosisState, SettledJoint};
 use crate::fit::residual_vector::chi;
 use crate::fit::{FitPoint, LogSet, Objective};
 use crate::residual_model::Derivation;
@@ -135,7 +135,10 @@ fn with_other_joints(
         let here = rivals.iter().filter(|rival| own::shows_in(objective, rival.candidate, joint)).cloned();
         match judge_rivals(objective, state, here.collect()) {
             Some(found) => all.push(found),
-            None => state.settled.push(joint.to_vec()),
+            None => {
+                let unconfirmed = state.unconfirmed.take();
+                state.settled.push(SettledJoint { channels: joint.to_vec(), unconfirmed });
+            }
         }
     }
     if all.is_empty() {

@@ -35,6 +35,9 @@ pub struct Mapping {
     /// Whether readings that no motion explains are kept; they are left out by default.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub keep_glitches: bool,
+    /// Whether torques of a prescribed motion are compared where the joint stands still; they are left out by default.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub keep_standstill: bool,
     /// Where things are in an MCAP file.
     #[serde(skip_serializing_if = "is_default")]
     pub topics: Topics,

@@ -56,7 +56,7 @@ pub fn model_replaying(source: &Source, log: impl Into<LogSource>) -> Result<Mod
     let (file, log) = (source.parse()?, log.into());
     let builder = Builder::new(&file, source);
     let robot = builder.robot()?;
-    let whole = LogPiece::whole(log.path(), read(&log, &file, &robot)?.log);
+    let whole = LogPiece::whole(log.path(), read(&log, &file, &robot, &mut None)?.log);
     let settings = IndexEntries::of(&file, source)?.settings(log.path(), &robot, source)?;
     let reader = ScenarioReader { file: &file, source, robot: &robot };
     let scenario = Scenario { settings, ..reader.replaying(&whole)? };

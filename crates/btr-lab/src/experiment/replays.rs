@@ -122,7 +122,7 @@ where
     let reader = ScenarioReader { file: &file, source, robot: &robot };
     let batch =
         BatchReader { reader, index: IndexEntries::of(&file, source)?, noise: builder.noise(), damaged, on_log };
-    let LogBatch { set, recordings, scenarios, declared, left_out } = batch.read(&learn, &held_out)?;
+    let LogBatch { set, recordings, scenarios, declared, left_out, .. } = batch.read(&learn, &held_out)?;
     check_separate(&recordings, source)?;
     let mut logs = set.logs.clone();
     warnings.extend(set.warnings.iter().cloned());

@@ -44,8 +44,8 @@ pub(super) struct DiagnosisState {
     pub(super) rounds: Vec<Vec<RankedCandidate>>,
     /// What the training logs show best in the last round, if the held-out logs did not confirm it.
     pub(super) unconfirmed: Option<(Rival, MissingEffect)>,
-    /// Where each joint is a question of its own: channels in which nothing was found since something changed there.
-    pub(super) settled: Vec<Vec<String>>,
+    /// Where each joint is a question of its own: those at which nothing was found since something changed there.
+    pub(super) settled: Vec<SettledJoint>,
     /// What the last round ranked first, if it accepted nothing.
     pub(super) left_over: Option<RankedCandidate>,
     /// The integrator's error, in multiples of the noise floor.
@@ -53,6 +53,15 @@ pub(super) struct DiagnosisState {
     /// The errors before the first finding; 0 before that.
     pub(super) unexplained_at_first: MeanSquares,
     pub(super) tried: Tried,
+}
+
+/// A joint at which nothing was found.
+#[derive(Clone)]
+pub(super) struct SettledJoint {
+    /// The channels in which its candidates show.
+    pub(super) channels: Vec<String>,
+    /// What the training logs show best there, if the held-out logs did not confirm it.
+    pub(super) unconfirmed: Option<(Rival, MissingEffect)>,
 }
 
 /// What was tried where the search ended with an error left.
@@ -79,7 +88,7 @@ impl DiagnosisState {
 
     /// Whether a candidate shows only where nothing was found since something changed there.
     pub(super) fn is_settled(&self, objective: &Objective, candidate: usize) -> bool {
-        self.settled.iter().any(|joint| own::shows_in(objective, candidate, joint))
+        self.settled.iter().any(|joint| own::shows_in(objective, candidate, &joint.channels))
     }
 
     pub(super) fn is_chosen(&self, candidate: usize) -> bool {
@@ -132,9 +141,8 @@ impl DiagnosisState {
         self.record(objective, step, on_step);
         self.unexplained_at_first = self.unexplained_at_first.max(before.mean);
         let Some(found) = self.chosen.last().map(|found| found.candidate) else { return };
-        if !own::is_apart(objective, found) {
-            self.settled.clear();
-        }
+        self.settled
+            .retain(|joint| own::is_apart(objective, found) && !own::shows_in(objective, found, &joint.channels));
         let after = LogErrors::of(objective, found, &self.fit, self.held_out);
         let evidence = Evidence::of(&before, &after, own_at_first.unwrap_or(self.unexplained_at_first));
         if let Some(found) = self.chosen.last_mut() {

@@ -48,6 +48,8 @@ pub(crate) struct LogBatch {
     /// For each scenario, what the index calls its command.
     pub declared: Vec<Option<String>>,
     pub left_out: Vec<LeftOutLog>,
+    /// The period at which prescribed motions are followed, in s, as the first log decided.
+    followed_s: Option<f64>,
 }
 
 /// Reads the logs of a command.
@@ -69,6 +71,7 @@ impl BatchReader<'_> {
             scenarios: Vec::new(),
             declared: Vec::new(),
             left_out: Vec::new(),
+            followed_s: None,
         };
         self.add_all(learn, LogPurpose::Training, &mut batch)?;
         self.add_all(held_out, LogPurpose::HeldOut, &mut batch)?;
@@ -114,7 +117,7 @@ impl BatchReader<'_> {
         among_others: bool,
     ) -> Result<(), RefusedLog> {
         let ScenarioReader { file, robot, source: model } = self.reader;
-        let log = read(source, file, robot)?;
+        let log = read(source, file, robot, &mut batch.followed_s)?;
         if among_others {
             self.check_comparable(&log).map_err(RefusedLog::by_content)?;
         }

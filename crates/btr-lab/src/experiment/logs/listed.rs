@@ -37,9 +37,9 @@ pub(crate) fn from_logs(
         let help = "name files, or an index with learn = { column = value }".into();
         return Err(source.error(&["reality"], "no training log", Some(help)));
     }
-    let mut all = ScenarioSet::none();
+    let (mut all, mut followed_s) = (ScenarioSet::none(), None);
     for one in &requests {
-        let log = read(&LogSource::File(one.path.clone()), file, robot)?;
+        let log = read(&LogSource::File(one.path.clone()), file, robot, &mut followed_s)?;
         let settings = settings("reality", &section.columns, &one.row, source, robot)?;
         let purpose = if one.held_out { LogPurpose::HeldOut } else { LogPurpose::Training };
         all.add(&log, purpose, &settings, &ScenarioReader { file, source, robot })?;

@@ -4,6 +4,7 @@ pub(crate) mod batch;
 pub(crate) mod index;
 pub(crate) mod listed;
 pub(crate) mod pieces;
+pub(crate) mod rate;
 pub(crate) mod read;
 pub(crate) mod scenarios;
 pub(crate) mod source;

@@ -1,5 +1,6 @@
 //! Reads logs for a comparison with simulations.
 
+use super::rate;
 use super::source::{LogSource, ReadLog};
 use crate::experiment::file::File;
 use crate::experiment::source::FileError;
@@ -11,12 +12,15 @@ use btr_identify::quality::{find_glitches, leave_out_glitches};
 use btr_physics::robot::{Base, Robot};
 use std::path::Path;
 
-/// Period in s at which a prescribed motion is followed, unless the model states its `control_s`.
-const FOLLOWED_S: f64 = 0.005;
-
 /// Reads a log of a robot, leaves out its glitches, and rejects one that cannot be used. Robots that walk have impacts,
-/// which look like glitches on a slow clock: their readings are all kept.
-pub(crate) fn read(source: &LogSource, file: &File, robot: &Robot) -> Result<ReadLog, RefusedLog> {
+/// which look like glitches on a slow clock: their readings are all kept. The first of several logs of a prescribed
+/// motion decides how often all are followed.
+pub(crate) fn read(
+    source: &LogSource,
+    file: &File,
+    robot: &Robot,
+    followed_s: &mut Option<f64>,
+) -> Result<ReadLog, RefusedLog> {
     let (mut log, warnings) = match source {
         LogSource::Read(known) => return Ok(known.clone()),
         LogSource::File(path) => btr_io::read_recorded(path, &file.channels).map_err(|e| unreadable(&e))?,
@@ -40,7 +44,12 @@ pub(crate) fn read(source: &LogSource, file: &File, robot: &Robot) -> Result<Rea
     let mut warnings: Vec<String> = warnings;
     // Means show their noise no more: what swings between two of them looks like it.
     let mut torque_noise = torque_noise::of_sensors(&log, robot);
-    let thinned = if robot.is_prescribed() { thin(&mut log, file.simulation.control_s) } else { None };
+    let step_s = log.usual_step_s().filter(|_| robot.is_prescribed());
+    let thinned = step_s.and_then(|step_s| {
+        let decided = || rate::followed_s(&log, robot, step_s);
+        let period_s = file.simulation.control_s.unwrap_or_else(|| *followed_s.get_or_insert_with(decided));
+        thin(&mut log, step_s, period_s)
+    });
     let (means_of, mean_s) = thinned.as_ref().map_or((1, 0.0), |(count, mean_s, _)| (*count, *mean_s));
     torque_noise.values_mut().for_each(|sigma| *sigma /= (means_of as f64).sqrt());
     warnings.extend(thinned.map(|(_, _, told)| told));
@@ -50,10 +59,8 @@ pub(crate) fn read(source: &LogSource, file: &File, robot: &Robot) -> Result<Rea
 /// Takes means where a prescribed motion was recorded at more than twice the rate at which it is followed: simulated
 /// and smoothed torques have nothing above that. Says of how many samples the means are, over
 /// how long, in s, and both in words.
-fn thin(log: &mut Log, control_s: Option<f64>) -> Option<(usize, f64, String)> {
-    let (period_s, step_s) = (control_s.unwrap_or(FOLLOWED_S), log.usual_step_s()?);
-    // Steps are rounded to microseconds in many logs.
-    let count = (period_s / step_s * (1.0 + 1e-3)).floor() as usize;
+fn thin(log: &mut Log, step_s: f64, period_s: f64) -> Option<(usize, f64, String)> {
+    let count = rate::within(period_s, step_s);
     if count < 2 || count > log.len() {
         return None;
     }

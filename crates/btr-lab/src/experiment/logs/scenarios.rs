@@ -10,12 +10,16 @@ use crate::experiment::source::{FileError, Source};
 use crate::log_quality::usable;
 use btr_core::log::{Log, LogError, interpolate};
 use btr_core::signal::smooth;
+use btr_core::signal::standstill::standing;
 use btr_physics::drive::Replay;
 use btr_physics::model::Scenario;
 use btr_physics::model::parameter::Target;
 use btr_physics::robot::Robot;
 use std::path::Path;
 use std::sync::Arc;
+
+/// A joint that stands still for a larger share of a log shows postures, not motion.
+const MOST_STANDING: f64 = 0.9;
 
 /// The scenarios of an experiment; the first `learn` are for training.
 pub(crate) struct ScenarioSet {
@@ -85,6 +89,10 @@ impl ScenarioSet {
         self.scenarios.extend(scenarios);
         for mut piece in pieces {
             smooth_needed(&mut piece.log, reader.robot);
+            if !reader.file.channels.keep_standstill {
+                let told = leave_out_standstill(&mut piece.log, reader.robot);
+                self.notice(&piece.path, told);
+            }
             self.logs.push(piece.log);
         }
         if purpose == LogPurpose::Training {
@@ -109,6 +117,35 @@ fn smooth_needed(log: &mut Log, robot: &Robot) {
             smooth::in_place(&clock_s, torques);
         }
     }
+}
+
+/// Leaves out the torques of prescribed joints that stand still, and tells it: dry friction takes whatever torque is left
+/// there, up to its size, so that the motion does not say which. A joint that hardly ever moves in a log keeps them: its
+/// postures are all that the log shows.
+fn leave_out_standstill(log: &mut Log, robot: &Robot) -> Option<String> {
+    let clock_s = log.clock_s().to_vec();
+    let mut left_out: Vec<String> = Vec::new();
+    for joint in robot.prescribed() {
+        let Some(positions) = log.channel(&format!("q_{}", joint.name)) else { continue };
+        let stands = standing(&clock_s, &positions.values);
+        let count = stands.iter().filter(|stands| **stands).count();
+        if count == 0 || count as f64 > MOST_STANDING * clock_s.len() as f64 {
+            continue;
+        }
+        if let Some(torques) = log.values_mut(&joint.compared()) {
+            torques.iter_mut().zip(&stands).filter(|(_, stands)| **stands).for_each(|(torque, _)| *torque = f64::NAN);
+            let standing_s = log.duration_s() * count as f64 / clock_s.len() as f64;
+            left_out.push(format!("{} ({standing_s:.1} s)", joint.name));
+        }
+    }
+    let told = || {
+        format!(
+            "torques are left out where a joint stands still, as friction may hold any of them: {}; [channels] \
+             keep_standstill = true keeps them",
+            left_out.join(", ")
+        )
+    };
+    (!left_out.is_empty()).then(told)
 }
 
 impl ScenarioReader<'_> {

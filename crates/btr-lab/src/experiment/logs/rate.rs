@@ -1,0 +1,133 @@
+//! How often a prescribed motion is followed.
+
+use btr_core::log::{Log, Role, interpolate};
+use btr_core::random::{normal, stream};
+use btr_core::signal::noise::NoiseEstimate;
+use btr_core::signal::smooth::{finely, in_place};
+use btr_core::signal::stats::robust_std;
+use btr_physics::robot::{Joint, Robot};
+
+/// Period in s at which a prescribed motion is followed, unless the model states its `control_s`, ...
+const FOLLOWED_S: f64 = 0.005;
+/// ... or twice as long, where that loses no more than this share of the accelerations, ...
+const MOST_LOST: f64 = 0.005;
+/// ... and of the torques no more than their sensor's noise, but for this factor.
+const AS_NOISE: f64 = 1.25;
+/// Most samples by which this is judged.
+const ENOUGH: usize = 100_000;
+/// A channel of white noise beside the recorded ones.
+const WHITE: &str = "white noise";
+
+/// The period in s at which the motion of a log is followed: twice as long for fast logs where that loses nothing. Both
+/// motion and torque are smoothed over four samples to each side, so that less noise is left at the longer period, and
+/// all work takes half the time. Friction's jumps are few: what differs there does not count.
+pub(super) fn followed_s(log: &Log, robot: &Robot, step_s: f64) -> f64 {
+    let count = within(FOLLOWED_S, step_s);
+    if count >= 2 && keeps(log, robot, count).unwrap_or(false) { 2.0 * FOLLOWED_S } else { FOLLOWED_S }
+}
+
+/// How many steps of a clock a period holds; in many logs they are rounded to microseconds.
+pub(super) fn within(period_s: f64, step_s: f64) -> usize {
+    (period_s / step_s * (1.0 + 1e-3)).floor() as usize
+}
+
+/// Whether means of twice as many samples lose nothing; `None` where a channel is missing or shows no noise.
+fn keeps(log: &Log, robot: &Robot, count: usize) -> Option<bool> {
+    let mut log = log.part(0..log.len().min(ENOUGH));
+    let mut rng = stream(2, &[]);
+    let noise = (0..log.len()).map(|_| normal(&mut rng)).collect();
+    log.insert(WHITE, "1", Role::Measured, noise).ok()?;
+    let rates = Rates { finer: log.means(count), coarser: log.means(2 * count) };
+    let unit = rates.lost(WHITE)?;
+    let keeps = |joint: &Joint| {
+        let torque = joint.compared();
+        let sensor = NoiseEstimate::of(&log.channel(&torque)?.values)?.sigma();
+        let keeps_motion = rates.lost_acceleration(&format!("q_{}", joint.name))? <= MOST_LOST;
+        Some(keeps_motion && rates.lost(&torque)? <= AS_NOISE * sensor * unit)
+    };
+    robot.prescribed().map(keeps).try_fold(true, |all, keeps| Some(all && keeps?))
+}
+
+/// A log at two rates.
+struct Rates {
+    finer: Log,
+    coarser: Log,
+}
+
+impl Rates {
+    /// How much a smoothed series differs between both, as a standard deviation.
+    fn lost(&self, name: &str) -> Option<f64> {
+        let smoothed = |log: &Log| {
+            let mut values = log.channel(name)?.values.clone();
+            in_place(log.clock_s(), &mut values);
+            Some(values)
+        };
+        let (finer, coarser) = (self.at_coarser(&smoothed(&self.finer)?), smoothed(&self.coarser)?);
+        robust_std(finer.iter().zip(&coarser).map(|(a, b)| a - b))
+    }
+
+    /// By what share the accelerations of a position are smaller at the coarser rate. Noise, which is as large in both
+    /// products, hardly counts.
+    fn lost_acceleration(&self, name: &str) -> Option<f64> {
+        let accelerations = |log: &Log| {
+            let motion = finely(log.clock_s(), &log.channel(name)?.values);
+            Some(motion.iter().map(|motion| motion.acceleration).collect::<Vec<f64>>())
+        };
+        let (finer, coarser) = (self.at_coarser(&accelerations(&self.finer)?), accelerations(&self.coarser)?);
+        let pairs = finer.iter().zip(&coarser).filter(|(a, b)| a.is_finite() && b.is_finite());
+        let (both, own) = pairs.fold((0.0, 0.0), |(both, own), (a, b)| (both + a * b, own + b * b));
+        (own > 0.0).then(|| both / own - 1.0)
+    }
+
+    fn at_coarser(&self, finer: &[f64]) -> Vec<f64> {
+        interpolate(self.finer.clock_s(), finer, self.coarser.clock_s())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use btr_physics::presets::pendulum::pendulum;
+    use btr_physics::robot::Actuator;
+
+    /// A joint that swings `hz` times a second and has a ripple of torque, at 1 kHz with noise.
+    fn recorded(hz: f64, ripple: f64) -> Log {
+        let mut rng = stream(5, &[]);
+        let clock_s: Vec<f64> = (0..10_000).map(|i| f64::from(i) * 0.001).collect();
+        let mut noisy = |size: f64, of: &dyn Fn(f64) -> f64| -> Vec<f64> {
+            clock_s.iter().map(|t| of(*t) + size * normal(&mut rng)).collect()
+        };
+        let w = std::f64::consts::TAU * hz;
+        let positions = noisy(1e-5, &|t| 0.5 * (w * t).sin());
+        let torques = noisy(0.1, &|t| {
+            let friction = 2.0 * (w * t).cos().signum();
+            friction - 0.5 * w * w * (w * t).sin() + ripple * (std::f64::consts::TAU * 23.0 * t).sin()
+        });
+        let mut log = Log::new(clock_s.clone()).unwrap();
+        log.insert("q_hip", "rad", Role::Measured, positions).unwrap();
+        log.insert("tau_hip", "N·m", Role::Measured, torques).unwrap();
+        log
+    }
+
+    fn robot() -> Robot {
+        let mut robot = pendulum(1.0, 0.5, Actuator::Prescribed);
+        robot.links.iter_mut().for_each(|link| link.joint.name = "hip".to_owned());
+        robot
+    }
+
+    fn followed(hz: f64, ripple: f64) -> f64 {
+        followed_s(&recorded(hz, ripple), &robot(), 0.001)
+    }
+
+    #[test]
+    fn a_slow_motion_is_followed_half_as_often() {
+        assert!((followed(0.7, 0.0) - 0.01).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_fast_motion_and_a_ripple_are_followed_closely() {
+        assert!((followed(4.0, 0.0) - 0.005).abs() < 1e-9);
+        assert!((followed(0.7, 0.2) - 0.005).abs() < 1e-9);
+    }
+}
