@@ -93,7 +93,8 @@ class Ladder:
         self.btr, self.folder = btr, folder
         self.learnt, self.held_out = logs(folder)
         joints = "".join(f"{f'joint {joint}':>9}" for joint in JOINTS)
-        print(f"{'error, % of rms torque':<40}{'':>9}{joints}{'all':>9}{'whole log':>11}{'reference':>11}{'rollouts':>10}{'s':>7}")
+        more = f"{'all':>9}{'whole log':>11}{'reference':>11}{'rollouts':>10}{'s':>7}"
+        print(f"{'error, % of rms torque':<40}{'':>9}{joints}{more}")
 
     def line(self, step: str, model: str, reference: str, cost: dict | None = None) -> None:
         for name, log in (("learnt", self.learnt), ("held out", self.held_out)):

@@ -67,8 +67,8 @@ fn swing(t: f64, phase: f64, (slow, fast): (f64, f64)) -> [f64; 3] {
 struct Planted {
     /// Torque at the knee by where the hip is, as by a cable that runs past it, in N·m/rad.
     cable: f64,
-    /// What a motor that turns with both joints takes of both: dry friction in N·m, viscous friction in N·m·s/rad, and a
-    /// rotor in kg·m².
+    /// What a motor that turns with both joints takes of both: dry friction in N·m, viscous friction in N·m·s/rad, and
+    /// a rotor in kg·m².
     motor: [f64; 3],
     /// The motions of hip and knee at a time, in a log that has a phase.
     motions: fn(f64, f64) -> [[f64; 3]; 2],

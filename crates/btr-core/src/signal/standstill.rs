@@ -8,8 +8,8 @@ const STAYS_S: f64 = 0.3;
 /// yields by micrometres before it slips.
 const WITHIN: (f64, f64) = (6.0, 5e-4);
 
-/// For each reading of a position, whether the joint stands still around it. Missing readings stand for nothing. Nothing
-/// stands in a series that hardly ever moves: there is no range to compare with.
+/// For each reading of a position, whether the joint stands still around it. A series that is constant has no range to
+/// compare with: nothing stands there.
 pub fn standing(clock_s: &[f64], positions: &[f64]) -> Vec<bool> {
     let mut stands = vec![false; positions.len()];
     let (low, high) = bounds(positions);

@@ -119,9 +119,9 @@ fn smooth_needed(log: &mut Log, robot: &Robot) {
     }
 }
 
-/// Leaves out the torques of prescribed joints that stand still, and tells it: dry friction takes whatever torque is left
-/// there, up to its size, so that the motion does not say which. A joint that hardly ever moves in a log keeps them: its
-/// postures are all that the log shows.
+/// Leaves out the torques of prescribed joints that stand still, and tells it: dry friction takes whatever torque is
+/// left there, up to its size, so that the motion does not say which. A joint that hardly ever moves in a log keeps
+/// them: its postures are all that the log shows.
 fn leave_out_standstill(log: &mut Log, robot: &Robot) -> Option<String> {
     let clock_s = log.clock_s().to_vec();
     let mut left_out: Vec<String> = Vec::new();
