@@ -74,6 +74,7 @@ fn log(rows: usize) -> RecordedLog {
         sensor: 1.0,
         offset_differs: false,
         samples: 0..rows,
+        present: rows,
     };
     RecordedLog { name: "log".to_owned(), held_out: false, channels: vec![channel], present: rows }
 }

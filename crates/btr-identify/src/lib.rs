@@ -46,8 +46,9 @@
 //!     amplitude: false,
 //! };
 //! let (name, unit) = ("q".to_owned(), "rad".to_owned());
-//! let channel = MeasuredChannel { name, unit, sigma: 0.001, sensor: 0.001, offset_differs: false, samples: 0..100 };
-//! let log = RecordedLog { name: "ramp".to_owned(), held_out: false, channels: vec![channel], present: 100 };
+//! let (sigma, sensor, present) = (0.001, 0.001, 100);
+//! let channel = MeasuredChannel { name, unit, sigma, sensor, offset_differs: false, samples: 0..present, present };
+//! let log = RecordedLog { name: "ramp".to_owned(), held_out: false, channels: vec![channel], present };
 //! let model = Linear(ModelDescription::new(vec![gain], vec![log]));
 //!
 //! let fit = fitted(&mut Objective::new(&model), &|_| ())?;

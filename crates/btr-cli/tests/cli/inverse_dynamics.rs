@@ -281,6 +281,22 @@ fn torques_of_joints_that_stand_still_are_left_out() {
     assert!(error(&left_out) < 1.1 && error(&kept) > 1.5, "{kept}");
 }
 
+/// Without held-out logs the last part of each is held out: the last part in which the robot moves.
+#[test]
+fn a_log_that_ends_at_rest_is_judged_where_it_moves() {
+    let motions = |t: f64, phase: f64| {
+        let moves = if t < 5.0 { 1.0 } else { 0.0 };
+        [(2.1, 4.7), (2.9, 5.3)].map(|w| {
+            let [q, dq, ddq] = swing(t.min(5.0), phase, w);
+            [q, moves * dq, moves * ddq]
+        })
+    };
+    let lab = Planted { motions, ..Planted::default() }.lab();
+    let answer = lab.json("diagnose leg.toml learn.csv -q");
+    assert_eq!(answer["error_ladder"][0]["held_out"].as_f64().map(|error| error > 10.0), Some(true), "{answer}");
+    assert!(named(&answer).1.contains(&"viscous_friction@hip".to_owned()), "{answer}");
+}
+
 /// Where both joints move together in the training log and against each other in the held-out one, friction at the
 /// knee and its coupling to the hip are only confirmed beside each other.
 #[test]
@@ -292,8 +308,12 @@ fn a_coupling_that_the_training_log_shows_as_friction_is_named() {
     };
     let lab = Planted { motor: [0.1, 0.06, 0.0], motions, ..Planted::default() }.lab();
     let answer = lab.json("diagnose leg.toml learn.csv --held-out held_out.csv -q");
-    let (_, names) = named(&answer);
-    assert!(names.contains(&"parent_coupling@knee".to_owned()), "{answer}");
+    let (verdict, names) = named(&answer);
+    assert!(names.contains(&"parent_coupling@knee".to_owned()) && verdict != "unexplained", "{answer}");
+    let has = |law: &str| names.iter().any(|name| name.contains(law) && name.ends_with("friction@knee"));
+    assert!(has("coulomb") || has("asymmetric"), "{answer}");
+    let error = &answer["error_ladder"].as_array().unwrap().last().unwrap()["held_out"];
+    assert!(error.as_f64().unwrap() < 1.5, "{answer}");
 }
 
 /// A wrong sign of a torque is told from everything else. A torque constant that is not the drive's follows from links

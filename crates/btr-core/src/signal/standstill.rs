@@ -4,35 +4,55 @@ use super::noise::NoiseEstimate;
 
 /// A joint stands where it stays for this long, in s, ...
 const STAYS_S: f64 = 0.3;
-/// ... within so many standard deviations of the reading's noise, or within this share of its whole range. Friction
-/// yields by micrometres before it slips.
-const WITHIN: (f64, f64) = (6.0, 5e-4);
+/// ... within so many standard deviations of the reading's noise, ...
+const NOISE: f64 = 6.0;
+/// ... or within this share of what it usually travels in that time. Friction yields by micrometres before it slips.
+const OF_TRAVEL: f64 = 2.5e-3;
 
-/// For each reading of a position, whether the joint stands still around it. A series that is constant has no range to
-/// compare with: nothing stands there.
+/// For each reading of a position, whether the joint stands still around it: whether it stays for 0.3 s within the
+/// reading's noise, or within a four-hundredth of what it usually travels in that time. Nothing is said where readings
+/// are missing, and nothing stands in a constant series.
 pub fn standing(clock_s: &[f64], positions: &[f64]) -> Vec<bool> {
     let mut stands = vec![false; positions.len()];
-    let (low, high) = bounds(positions);
-    let Some(noise) = NoiseEstimate::of(positions).filter(|_| low < high) else { return stands };
-    let band = (WITHIN.0 * noise.sigma()).max(WITHIN.1 * (high - low));
+    let windows: Vec<(usize, usize)> = windows(clock_s).collect();
+    let travels = windows.iter().map(|(from, to)| positions[*to] - positions[*from]).filter(|x| x.is_finite());
+    let (sum, count) = travels.fold((0.0, 0.0), |(sum, count), x| (sum + x * x, count + 1.0));
+    let travel = if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 };
+    let Some(noise) = NoiseEstimate::of(positions).filter(|_| travel > 0.0) else { return stands };
+    // Without the least noise that is assumed, which grows with the range.
+    let noise = noise.white.hypot(noise.quantum / f64::sqrt(12.0));
+    let band = (NOISE * noise).max(OF_TRAVEL * travel);
     let mut marked = 0;
-    let mut from = 0;
-    for to in 0..positions.len() {
-        while clock_s[to] - clock_s[from] >= STAYS_S {
-            let (low, high) = bounds(&positions[from..=to]);
-            if high - low <= band {
-                stands[marked.max(from)..=to].fill(true);
-                marked = to + 1;
-            }
-            from += 1;
+    for (from, to) in windows {
+        // What is missing at an end may have moved, and most windows can be passed over by their ends.
+        let stays = (positions[to] - positions[from]).abs() <= band;
+        if stays && range(&positions[from..=to]) <= band {
+            stands[marked.max(from)..=to].fill(true);
+            marked = to + 1;
         }
     }
     stands
 }
 
-/// The smallest and the largest of the present values.
-fn bounds(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)))
+/// The first and the last sample of each stretch that is just long enough.
+fn windows(clock_s: &[f64]) -> impl Iterator<Item = (usize, usize)> + '_ {
+    let mut to = 0;
+    (0..clock_s.len()).map_while(move |from| {
+        while clock_s[to] - clock_s[from] < STAYS_S {
+            to += 1;
+            if to == clock_s.len() {
+                return None;
+            }
+        }
+        Some((from, to))
+    })
+}
+
+/// How far apart the present values are.
+fn range(values: &[f64]) -> f64 {
+    let ends = (f64::INFINITY, f64::NEG_INFINITY);
+    let (low, high) = values.iter().fold(ends, |(low, high), x| (low.min(*x), high.max(*x)));
+    high - low
 }
 
 #[cfg(test)]
@@ -65,9 +85,23 @@ mod tests {
     }
 
     #[test]
-    fn what_never_moves_or_is_missing_does_not_stand() {
-        let clock_s: Vec<f64> = (0..100).map(|i| f64::from(i) * 0.01).collect();
-        assert!(!standing(&clock_s, &[0.5; 100]).contains(&true));
-        assert!(!standing(&clock_s, &[f64::NAN; 100]).contains(&true));
+    fn a_slow_pass_is_no_standstill_however_far_the_joint_has_come() {
+        // A hundred radians at about one radian a second, then 0.01 rad/s.
+        let (mut clock_s, _) = readings(0.0);
+        clock_s.extend((2000..24_000).map(|i| f64::from(i) * 0.005));
+        let mut rng = stream(4, &[]);
+        let place = |t: f64| if t < 100.0 { t + 0.3 * (2.0 * t).sin() } else { 99.74 + 0.01 * (t - 100.0) };
+        let positions: Vec<f64> = clock_s.iter().map(|t| place(*t) + 1e-5 * normal(&mut rng)).collect();
+        assert!(!standing(&clock_s, &positions).contains(&true));
+    }
+
+    #[test]
+    fn nothing_is_said_of_readings_that_are_missing() {
+        let (clock_s, mut positions) = readings(1e-5);
+        clock_s.iter().zip(&mut positions).filter(|(t, _)| (1.0..1.5).contains(*t)).for_each(|(_, q)| *q = f64::NAN);
+        let stands = standing(&clock_s, &positions);
+        assert!(clock_s.iter().zip(&stands).all(|(t, stands)| !stands || *t > 3.9));
+        assert!(!standing(&clock_s, &vec![f64::NAN; clock_s.len()]).contains(&true));
+        assert!(!standing(&clock_s, &vec![0.5; clock_s.len()]).contains(&true));
     }
 }

@@ -36,6 +36,7 @@ fn planted(seed: u64, others: f64) -> BaseParameters {
         sensor: 1.0,
         offset_differs: false,
         samples: 0..ROWS,
+        present: ROWS,
     };
     let log = |held_out| RecordedLog { name: String::new(), held_out, channels: vec![channel.clone()], present: ROWS };
     let of = ModelDescription {

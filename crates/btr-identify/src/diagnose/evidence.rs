@@ -65,20 +65,19 @@ impl LogErrors {
 
     /// The same in the channels of a candidate that does not show in all.
     fn own(objective: &Objective, candidate: usize, fit: &FitPoint, held_out: Option<&ResidualVector>) -> Self {
-        let errors = |logs: LogSet, residual: Option<&ResidualVector>| -> Vec<(f64, usize)> {
-            let rows = own::rows(objective, candidate, logs);
-            rows.into_iter()
-                .map(|rows| (residual.map_or(f64::INFINITY, |r| squares(&r[rows.clone()])), rows.len()))
-                .collect()
+        let errors = |logs: LogSet, residual: Option<&ResidualVector>| -> Vec<f64> {
+            let rows = own::rows(objective, candidate, logs).into_iter();
+            rows.map(|rows| residual.map_or(f64::INFINITY, |r| squares(&r[rows]))).collect()
         };
         let (learnt, judged) = (errors(LogSet::Learn, Some(&fit.residual)), errors(LogSet::HeldOut, held_out));
-        let mean_of = |errors: &[(f64, usize)]| {
-            let (sum, samples) = errors.iter().fold((0.0, 0), |(sum, n), (squares, rows)| (sum + squares, n + rows));
-            sum / samples.max(1) as f64
+        let mean_of = |errors: &[f64], logs: LogSet| {
+            errors.iter().sum::<f64>() / own::samples(objective, candidate, logs).max(1) as f64
         };
-        let judging = if judged.is_empty() { &learnt } else { &judged };
-        let mean = MeanSquares { learnt: mean_of(&learnt), judged: mean_of(judging) };
-        let each = learnt.iter().chain(&judged).map(|(squares, _)| *squares).collect();
+        let is_judged = own::samples(objective, candidate, LogSet::HeldOut) > 0;
+        let of_learnt = mean_of(&learnt, LogSet::Learn);
+        let of_judged = if is_judged { mean_of(&judged, LogSet::HeldOut) } else { of_learnt };
+        let mean = MeanSquares { learnt: of_learnt, judged: of_judged };
+        let each = learnt.into_iter().chain(judged).collect();
         LogErrors { each, mean, in_own_channel: true }
     }
 }

@@ -81,13 +81,10 @@ pub(super) fn held_out(objective: &Objective, candidate: usize, u: &[f64]) -> Op
 
 /// The error of a fit on the training logs.
 pub(super) fn error(objective: &Objective, candidate: usize, fit: &FitPoint) -> f64 {
-    chi(learnt(objective, candidate, fit), samples(objective, candidate))
+    chi(learnt(objective, candidate, fit), samples(objective, candidate, LogSet::Learn))
 }
 
-/// Number of training samples where a candidate shows.
-pub(super) fn samples(objective: &Objective, candidate: usize) -> usize {
-    match channels(objective, candidate) {
-        None => objective.samples(LogSet::Learn),
-        Some(near) => objective.rows_near(LogSet::Learn, near).into_iter().map(|rows| rows.len()).sum(),
-    }
+/// Number of samples of some logs where a candidate shows.
+pub(super) fn samples(objective: &Objective, candidate: usize, logs: LogSet) -> usize {
+    channels(objective, candidate).map_or_else(|| objective.samples(logs), |near| objective.present_near(logs, near))
 }

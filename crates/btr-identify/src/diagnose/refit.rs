@@ -142,7 +142,7 @@ fn run_together(
     for mut rival in rivals {
         let left = |fit: &FitPoint| own::learnt(objective, rival.candidate, fit);
         let best = polished.iter().map(|r| &r.fit).chain(leader).map(left).fold(f64::INFINITY, f64::min);
-        let explains = chi(best, own::samples(objective, rival.candidate)) <= objective.noise_bound();
+        let explains = chi(best, own::samples(objective, rival.candidate, LogSet::Learn)) <= objective.noise_bound();
         let most = match left(&rival.fit) / best {
             behind if behind <= CLOSE => MOST,
             behind if behind > BEATEN && explains => 0,
@@ -171,7 +171,9 @@ fn finish(objective: &Objective, rivals: &mut [Rival], unfinished: &[usize], lea
     let left = |fit: &FitPoint| own::learnt(objective, first, fit);
     let best = rivals.iter().map(|rival| &rival.fit).chain(leader).map(left).fold(f64::INFINITY, f64::min);
     let alone = rivals.len() + usize::from(leader.is_some()) < 2;
-    if alone || objective.description.is_chaotic || chi(best, own::samples(objective, first)) > objective.noise_bound()
+    if alone
+        || objective.description.is_chaotic
+        || chi(best, own::samples(objective, first, LogSet::Learn)) > objective.noise_bound()
     {
         return;
     }

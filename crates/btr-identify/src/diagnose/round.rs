@@ -50,6 +50,18 @@ pub(super) fn round(
     attempt(objective, state, second_looks, &offered)
 }
 
+/// The same with the candidates that show where another one does.
+pub(super) fn round_beside(
+    objective: &mut Objective,
+    state: &mut DiagnosisState,
+    second_looks: &mut SecondLooks,
+    other: usize,
+) -> Vec<Accepted> {
+    let mut offered = state.offered(objective);
+    offered.retain(|&candidate| own::are_together(objective, candidate, other));
+    attempt(objective, state, second_looks, &offered)
+}
+
 /// One attempt of a round, with the candidates `offered`.
 fn attempt(
     objective: &mut Objective,

@@ -1,15 +1,20 @@
-//! Two effects that only show together: where the training logs show one best and the held-out logs another, neither is
-//! accepted alone. The one that the training logs show is taken for granted, and a round looks for the other.
+//! Effects that only show together: where the training logs show one best and the held-out logs another, neither is
+//! accepted alone. The one that the training logs show is taken for granted, and a round looks for the other; where
+//! each joint is a question of its own, one more may follow.
 
 use super::evidence::LogErrors;
 use super::own;
 use super::report::{DiagnoseOptions, Evidence, SEARCH, SecondLooks};
-use super::round::{Accepted, round};
+use super::round::{Accepted, round, round_beside};
 use super::screen;
 use super::state::DiagnosisState;
 use super::thresholds::HELD_OUT_FALL;
 use crate::fit::Objective;
 use crate::fit::measure::held_out_squares;
+
+/// How many effects are looked for beside one that the held-out logs contradict at a joint: friction, dry and viscous,
+/// may only be confirmed beside a coupling.
+const BESIDE_AT_A_JOINT: usize = 2;
 
 /// The state with two effects that are only confirmed together, if there are such and the rollouts allow to look.
 pub(super) fn two(
@@ -18,13 +23,20 @@ pub(super) fn two(
     question: DiagnoseOptions,
     second_looks: &mut SecondLooks,
 ) -> Option<DiagnosisState> {
-    let next = objective.rollouts().saturating_add(screen::rollouts(objective));
-    let (room, allowed) = (state.effects(objective) + 2 <= question.max_effects, question.allows(SEARCH, next));
-    let unconfirmed = unconfirmed(state);
-    second_looks.refused |= room && !allowed && !unconfirmed.is_empty();
-    let step = objective.step();
-    let mut tried = unconfirmed.into_iter().take_while(|_| room && allowed);
-    let both = tried.find_map(|shown| together(objective, state, second_looks, shown));
+    let room = state.effects(objective) + 2 <= question.max_effects;
+    let (step, shown) = (objective.step(), unconfirmed(state));
+    let attempt = |shown: Accepted| {
+        let next = objective.rollouts().saturating_add(screen::rollouts(objective));
+        let allowed = question.allows(SEARCH, next);
+        second_looks.refused |= room && !allowed;
+        if !room || !allowed || objective.is_stopped() {
+            return None;
+        }
+        // What is tried in vain would be tried in vain again.
+        state.forget_unconfirmed(shown.0.candidate);
+        together(objective, state, second_looks, shown)
+    };
+    let both = shown.into_iter().find_map(attempt);
     if both.is_none() && objective.step() != step {
         state.integrator = state.fit.renew_step_error(objective);
     }
@@ -35,11 +47,17 @@ pub(super) fn two(
 /// a question of its own.
 fn unconfirmed(state: &DiagnosisState) -> Vec<Accepted> {
     let at_joints = state.settled.iter().filter_map(|joint| joint.unconfirmed.as_ref());
-    state.unconfirmed.iter().chain(at_joints).cloned().collect()
+    let mut all: Vec<Accepted> = Vec::new();
+    for shown in state.unconfirmed.iter().chain(at_joints) {
+        if all.iter().all(|(other, _)| other.candidate != shown.0.candidate) {
+            all.push(shown.clone());
+        }
+    }
+    all
 }
 
-/// The state with an effect that was not confirmed and another one, if the held-out logs confirm both: each lowers
-/// their error beside the other. Where the first shows in a joint's channel alone, so must the other.
+/// The state with an effect that was not confirmed and others, if the held-out logs confirm all: each lowers their
+/// error beside the others. Where the first shows in a joint's channel alone, so must they.
 fn together(
     objective: &mut Objective,
     state: &DiagnosisState,
@@ -47,29 +65,54 @@ fn together(
     (rival, found): Accepted,
 ) -> Option<DiagnosisState> {
     let (first, apart) = (found.candidate, own::is_apart(objective, found.candidate));
-    let mut both = state.clone();
-    let rival = both.beside_others(objective, rival);
-    both.accept(objective, rival, found, &|_| {});
-    let found = round(objective, &mut both, second_looks).into_iter();
-    let mut beside = found.filter(|(_, found)| !apart || own::are_together(objective, found.candidate, first));
-    let (rival, found) = beside.next()?;
-    if objective.is_stopped() {
-        return None;
+    let mut all = state.clone();
+    // At a joint, much may have been found since it was fitted.
+    let rival = if apart { all.with_rival(objective, &rival)? } else { rival };
+    all.accept(objective, rival, found, &|_| {});
+    for _ in 0..if apart { BESIDE_AT_A_JOINT } else { 1 } {
+        let beside = if apart {
+            round_beside(objective, &mut all, second_looks, first)
+        } else {
+            round(objective, &mut all, second_looks)
+        };
+        let (rival, found) = beside.into_iter().next()?;
+        if objective.is_stopped() {
+            return None;
+        }
+        all.accept(objective, rival, found, &|_| {});
+        if let Some(confirmed) = confirmed(objective, state, &all, first) {
+            return Some(confirmed);
+        }
     }
-    both.accept(objective, rival, found, &|_| {});
-    both.eliminate(objective);
+    None
+}
+
+/// What was found together without what it can do without, if the held-out logs confirm it.
+fn confirmed(
+    objective: &Objective,
+    before: &DiagnosisState,
+    all: &DiagnosisState,
+    first: usize,
+) -> Option<DiagnosisState> {
     let falls = |from: Option<f64>, to: f64| from.is_some_and(|from| to < (1.0 - HELD_OUT_FALL) * from);
-    let earlier = state.own_held_out(objective, first);
-    let now = both.own_held_out(objective, first)?;
-    let Some(index) = both.chosen.iter().position(|found| found.candidate == first) else {
-        return falls(earlier, now).then_some(both);
-    };
-    let without = both.without(objective, index)?;
+    let earlier = before.own_held_out(objective, first);
+    let mut kept = all.clone();
+    kept.eliminate(objective);
+    if !kept.is_chosen(first) {
+        if falls(earlier, kept.own_held_out(objective, first)?) {
+            return Some(kept);
+        }
+        // The training logs can do without the first; at a joint, the held-out logs may not.
+        kept = own::is_apart(objective, first).then(|| all.clone())?;
+    }
+    let now = kept.own_held_out(objective, first)?;
+    let index = kept.chosen.iter().position(|found| found.candidate == first)?;
+    let without = kept.without(objective, index)?;
     let alone = held_out_squares(objective, &without.u);
-    let before = LogErrors::of(objective, first, &without, alone);
-    let after = LogErrors::of(objective, first, &both.fit, both.held_out);
-    both.chosen[index].evidence =
-        Evidence::of(&before, &after, both.own_at_first(objective, first).unwrap_or(both.unexplained_at_first));
-    let own_alone = if apart { own::held_out(objective, first, &without.u) } else { alone };
-    (falls(earlier, now) && falls(own_alone, now)).then_some(both)
+    let errors = LogErrors::of(objective, first, &without, alone);
+    let after = LogErrors::of(objective, first, &kept.fit, kept.held_out);
+    kept.chosen[index].evidence =
+        Evidence::of(&errors, &after, kept.own_at_first(objective, first).unwrap_or(kept.unexplained_at_first));
+    let own_alone = if own::is_apart(objective, first) { own::held_out(objective, first, &without.u) } else { alone };
+    (falls(earlier, now) && falls(own_alone, now) && kept.is_no_worse_than(before)).then_some(kept)
 }

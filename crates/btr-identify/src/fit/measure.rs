@@ -4,6 +4,7 @@
 use super::objective::{LogSet, Objective};
 use super::residual_vector::{ResidualVector, channels, corrected, squares};
 use super::solve::FitPoint;
+use crate::residual_model::MeasuredChannel;
 use btr_core::signal::stats::autocorrelation_time;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -110,6 +111,9 @@ struct Stretch<'a> {
     channel: &'a str,
     rows: Range<usize>,
     squares: f64,
+    /// How many samples its variance is of. Where each joint is a question of its own, those that are present: all
+    /// torques of a joint that stands may be missing.
+    samples: usize,
     /// Integrated autocorrelation time in samples.
     time: f64,
 }
@@ -117,11 +121,14 @@ struct Stretch<'a> {
 /// The channels of all training logs.
 fn stretches<'a>(objective: &'a Objective, fit: &FitPoint) -> Vec<Stretch<'a>> {
     let logs = || objective.logs(LogSet::Learn).iter().map(|&log| &objective.description.logs[log]);
-    let names = logs().flat_map(|log| &log.channels).map(|channel| channel.name.as_str());
-    let named: Vec<(&str, Range<usize>)> = names.zip(channels(logs())).collect();
-    let stretch = |(channel, rows): (&'a str, Range<usize>)| {
+    let measured = logs().flat_map(|log| &log.channels);
+    let named: Vec<(&MeasuredChannel, Range<usize>)> = measured.zip(channels(logs())).collect();
+    let apart = objective.description.is_decoupled;
+    let stretch = |(channel, rows): (&'a MeasuredChannel, Range<usize>)| {
         let series = &fit.residual[rows.clone()];
-        Stretch { channel, squares: squares(series), time: autocorrelation_time(series), rows }
+        let samples = if apart { channel.present } else { rows.len() };
+        let (squares, time) = (squares(series), autocorrelation_time(series));
+        Stretch { channel: &channel.name, squares, samples, time, rows }
     };
     named.into_par_iter().map(stretch).collect()
 }
@@ -134,7 +141,7 @@ fn by_channel(stretches: &[Stretch]) -> Vec<(Vec<Range<usize>>, f64)> {
     names.dedup();
     let of_channel = |name: &str| {
         let of_logs = || stretches.iter().filter(move |stretch| stretch.channel == name);
-        let samples: usize = of_logs().map(|stretch| stretch.rows.len()).sum();
+        let samples: usize = of_logs().map(|stretch| stretch.samples).sum();
         let whole: f64 = of_logs().map(|stretch| stretch.squares).sum();
         let rows = of_logs().map(|stretch| stretch.rows.clone()).collect();
         (rows, (whole / samples.max(1) as f64).max(1.0) * memory(of_logs()))

@@ -18,6 +18,8 @@ pub struct MeasuredChannel {
     pub offset_differs: bool,
     /// Its samples in the log's residual.
     pub samples: Range<usize>,
+    /// How many of them are present and count.
+    pub present: usize,
 }
 
 impl MeasuredChannel {

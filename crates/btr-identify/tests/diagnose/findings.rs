@@ -179,7 +179,10 @@ fn width_with_offsets<const PER_CENT: u32>(contact: bool) -> f64 {
     let mut model = SyntheticModel { contact, ..SyntheticModel::new(&["tilt"], &[0.4, 1.5], motion) };
     for log in &mut model.logs {
         let length = SAMPLES / CHANNELS;
-        let channel = |k: usize| MeasuredChannel { samples: k * length..(k + 1) * length, ..log.channels[0].clone() };
+        let channel = |k: usize| {
+            let samples = k * length..(k + 1) * length;
+            MeasuredChannel { samples, present: length, ..log.channels[0].clone() }
+        };
         log.channels = (0..CHANNELS).map(channel).collect();
     }
     let [low, high] = model.diagnosis().effects[0].parameters[0].ci95.unwrap();

@@ -80,6 +80,7 @@ impl SyntheticModel {
                 sensor: 1.0,
                 offset_differs: false,
                 samples: 0..samples,
+                present: samples,
             }],
             present: samples,
         };

@@ -38,7 +38,7 @@ pub(super) fn whole(recorded: &[Log]) -> Vec<LogPart> {
 
 /// The logs as a whole; each cut in two if none is held out.
 pub(super) fn parts(model: &Model, recorded: &[Log]) -> Vec<LogPart> {
-    let cut = |scenario: usize| (recorded[scenario].len() as f64 * (1.0 - JUDGED_TAIL)) as usize;
+    let cut = |scenario: usize| cut(model, &recorded[scenario]);
     let whole = |scenario: usize| LogPart::new(scenario, 0..recorded[scenario].len(), scenario >= model.learn);
     if model.learn < recorded.len() {
         return (0..recorded.len()).map(whole).collect();
@@ -47,4 +47,18 @@ pub(super) fn parts(model: &Model, recorded: &[Log]) -> Vec<LogPart> {
     let last =
         (0..recorded.len()).map(|scenario| LogPart::new(scenario, cut(scenario)..recorded[scenario].len(), true));
     first.chain(last).collect()
+}
+
+/// The first held-out sample of a log without another one. Where all motion is prescribed, only samples with a torque
+/// count: a log may end while the robot stands.
+fn cut(model: &Model, log: &Log) -> usize {
+    let learnt = |samples: usize| (samples as f64 * (1.0 - JUDGED_TAIL)) as usize;
+    if !model.robot.is_prescribed() {
+        return learnt(log.len());
+    }
+    let torques: Vec<&[f64]> =
+        model.robot.prescribed().filter_map(|joint| Some(&*log.channel(&joint.compared())?.values)).collect();
+    let is_present = |i: &usize| torques.iter().any(|torques| torques[*i].is_finite());
+    let present: Vec<usize> = (0..log.len()).filter(is_present).collect();
+    present.get(learnt(present.len())).copied().unwrap_or_else(|| learnt(log.len()))
 }

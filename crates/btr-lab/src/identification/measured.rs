@@ -113,12 +113,14 @@ impl IdentificationProblem {
             let Some(sensor) = self.floor(part.scenario, &name, &channel.values) else { continue };
             let samples = start..start + recorded.len();
             start = samples.end;
-            present += channel.values.iter().enumerate().filter(|(i, x)| part.has(*i) && x.is_finite()).count();
+            let here = channel.values.iter().enumerate().filter(|(i, x)| part.has(*i) && x.is_finite()).count();
+            present += here;
             let unpredictable = self.model.setup.noise.unpredictable.beside(&name, sensor);
             // Where small errors grow, starts are estimated and floors raised window by window.
             let sigma = if self.model.robot.base == Base::Fixed { unpredictable } else { sensor };
             let offset_differs = self.model.setup.noise.unpredictable.has_offsets(&name);
-            channels.push(MeasuredChannel { name, unit: channel.unit.clone(), sigma, sensor, offset_differs, samples });
+            let unit = channel.unit.clone();
+            channels.push(MeasuredChannel { name, unit, sigma, sensor, offset_differs, samples, present: here });
         }
         if channels.is_empty() {
             let what =

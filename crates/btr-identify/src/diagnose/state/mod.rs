@@ -91,6 +91,14 @@ impl DiagnosisState {
         self.settled.iter().any(|joint| own::shows_in(objective, candidate, &joint.channels))
     }
 
+    /// Forgets what was not confirmed at the joint of a candidate.
+    pub(super) fn forget_unconfirmed(&mut self, candidate: usize) {
+        let at_joint = |joint: &&mut SettledJoint| {
+            joint.unconfirmed.as_ref().is_some_and(|(rival, _)| rival.candidate == candidate)
+        };
+        self.settled.iter_mut().filter(at_joint).for_each(|joint| joint.unconfirmed = None);
+    }
+
     pub(super) fn is_chosen(&self, candidate: usize) -> bool {
         self.chosen.iter().any(|found| found.candidate == candidate)
     }
@@ -103,17 +111,23 @@ impl DiagnosisState {
 
     /// A rival beside what was found since it was fitted, at other joints.
     pub(super) fn beside_others(&self, objective: &Objective, rival: Rival) -> Rival {
-        let candidate = &objective.candidates()[rival.candidate];
-        let is_added = |parameter: &usize| candidate.parameters().any(|own| own == *parameter);
         if self.fit.active.iter().all(|parameter| rival.fit.active.contains(parameter)) {
             return rival;
         }
+        // Where both cannot be simulated, the rival stays as it was.
+        self.with_rival(objective, &rival).unwrap_or(rival)
+    }
+
+    /// The current fit with a rival's values of its own parameters; `None` where that cannot be simulated.
+    pub(super) fn with_rival(&self, objective: &Objective, rival: &Rival) -> Option<Rival> {
+        let candidate = &objective.candidates()[rival.candidate];
+        let is_added = |parameter: &usize| candidate.parameters().any(|own| own == *parameter);
         let mut u = self.fit.u.clone();
         candidate.parameters().for_each(|parameter| u[parameter] = rival.fit.u[parameter]);
         let added = rival.fit.active.iter().copied().filter(is_added);
         let active = self.fit.active.iter().copied().chain(added).collect();
-        // Where both cannot be simulated, the rival stays as it was.
-        FitPoint::at(objective, active, u, &self.fit.step_error).map_or(rival.clone(), |fit| Rival { fit, ..rival })
+        let fit = FitPoint::at(objective, active, u, &self.fit.step_error).ok()?;
+        Some(Rival { fit, ..rival.clone() })
     }
 
     /// Makes the winner the new base.
@@ -150,10 +164,14 @@ impl DiagnosisState {
         }
     }
 
-    /// The squares on the held-out logs in the channels where a candidate shows.
+    /// The squares on the held-out logs in the channels where a candidate shows; `None` where these hold nothing of it.
     pub(super) fn own_held_out(&self, objective: &Objective, candidate: usize) -> Option<f64> {
         let whole = self.held_out?;
-        if own::is_apart(objective, candidate) { own::held_out(objective, candidate, &self.fit.u) } else { Some(whole) }
+        if !own::is_apart(objective, candidate) {
+            return Some(whole);
+        }
+        let is_judged = own::samples(objective, candidate, LogSet::HeldOut) > 0;
+        is_judged.then(|| own::held_out(objective, candidate, &self.fit.u)).flatten()
     }
 
     /// The errors before the first finding in the channels where a candidate shows; `None` where these are all.
@@ -350,7 +368,7 @@ impl DiagnosisState {
 
     /// Measures the error of the current fit on the held-out logs, if there are any.
     fn judge(&mut self, objective: &Objective) {
-        let judged = !objective.logs(LogSet::HeldOut).is_empty();
+        let judged = objective.samples(LogSet::HeldOut) > 0;
         self.held_out = if judged { held_out_squares(objective, &self.fit.u) } else { None };
     }
 

@@ -21,6 +21,13 @@ impl Objective<'_> {
         rows
     }
 
+    /// How many samples of these channels are present in some logs.
+    pub(crate) fn present_near(&self, logs: LogSet, near: &[String]) -> usize {
+        let logs = self.logs(logs).iter().map(|&log| &self.description.logs[log]);
+        let channels = logs.flat_map(|log| &log.channels).filter(|channel| near.contains(&channel.name));
+        channels.map(|channel| channel.present).sum()
+    }
+
     /// The channels in which a parameter shows, where that is one of what acts in a joint of a prescribed motion, or in
     /// a limb; empty where it shows in all.
     pub(crate) fn channels_of(&self, parameter: usize) -> &[String] {

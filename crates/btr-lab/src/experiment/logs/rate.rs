@@ -4,6 +4,7 @@ use btr_core::log::{Log, Role, interpolate};
 use btr_core::random::{normal, stream};
 use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::smooth::{finely, in_place};
+use btr_core::signal::standstill::standing;
 use btr_core::signal::stats::robust_std;
 use btr_physics::robot::{Joint, Robot};
 
@@ -22,8 +23,13 @@ const WHITE: &str = "white noise";
 /// motion and torque are smoothed over four samples to each side, so that less noise is left at the longer period, and
 /// all work takes half the time. Friction's jumps are few: what differs there does not count.
 pub(super) fn followed_s(log: &Log, robot: &Robot, step_s: f64) -> f64 {
-    let count = within(FOLLOWED_S, step_s);
-    if count >= 2 && keeps(log, robot, count).unwrap_or(false) { 2.0 * FOLLOWED_S } else { FOLLOWED_S }
+    let counts = [FOLLOWED_S, 2.0 * FOLLOWED_S].map(|period_s| within(period_s, step_s));
+    if is_fast(step_s) && keeps(log, robot, counts).unwrap_or(false) { 2.0 * FOLLOWED_S } else { FOLLOWED_S }
+}
+
+/// Whether a log is recorded at more than twice the rate at which fast motions are followed. Others keep their samples.
+pub(super) fn is_fast(step_s: f64) -> bool {
+    within(FOLLOWED_S, step_s) >= 2
 }
 
 /// How many steps of a clock a period holds; in many logs they are rounded to microseconds.
@@ -31,19 +37,26 @@ pub(super) fn within(period_s: f64, step_s: f64) -> usize {
     (period_s / step_s * (1.0 + 1e-3)).floor() as usize
 }
 
-/// Whether means of twice as many samples lose nothing; `None` where a channel is missing or shows no noise.
-fn keeps(log: &Log, robot: &Robot, count: usize) -> Option<bool> {
+/// Whether means of more samples lose nothing; `None` where a channel is missing or shows no noise. A joint that stands
+/// has nothing to lose.
+fn keeps(log: &Log, robot: &Robot, [finer, coarser]: [usize; 2]) -> Option<bool> {
     let mut log = log.part(0..log.len().min(ENOUGH));
     let mut rng = stream(2, &[]);
     let noise = (0..log.len()).map(|_| normal(&mut rng)).collect();
     log.insert(WHITE, "1", Role::Measured, noise).ok()?;
-    let rates = Rates { finer: log.means(count), coarser: log.means(2 * count) };
-    let unit = rates.lost(WHITE)?;
+    let rates = Rates { finer: log.means(finer), coarser: log.means(coarser) };
+    let everywhere = vec![true; rates.coarser.len()];
+    let unit = rates.lost(WHITE, &everywhere)?;
     let keeps = |joint: &Joint| {
-        let torque = joint.compared();
+        let (position, torque) = (format!("q_{}", joint.name), joint.compared());
+        let stands = standing(rates.coarser.clock_s(), &rates.coarser.channel(&position)?.values);
+        let moves: Vec<bool> = stands.into_iter().map(|stands| !stands).collect();
+        if !moves.contains(&true) {
+            return Some(true);
+        }
         let sensor = NoiseEstimate::of(&log.channel(&torque)?.values)?.sigma();
-        let keeps_motion = rates.lost_acceleration(&format!("q_{}", joint.name))? <= MOST_LOST;
-        Some(keeps_motion && rates.lost(&torque)? <= AS_NOISE * sensor * unit)
+        let keeps_motion = rates.lost_acceleration(&position, &moves)? <= MOST_LOST;
+        Some(keeps_motion && rates.lost(&torque, &moves)? <= AS_NOISE * sensor * unit)
     };
     robot.prescribed().map(keeps).try_fold(true, |all, keeps| Some(all && keeps?))
 }
@@ -55,32 +68,35 @@ struct Rates {
 }
 
 impl Rates {
-    /// How much a smoothed series differs between both, as a standard deviation.
-    fn lost(&self, name: &str) -> Option<f64> {
+    /// How much a smoothed series differs between both, as a standard deviation, where a joint moves.
+    fn lost(&self, name: &str, moves: &[bool]) -> Option<f64> {
         let smoothed = |log: &Log| {
             let mut values = log.channel(name)?.values.clone();
             in_place(log.clock_s(), &mut values);
             Some(values)
         };
-        let (finer, coarser) = (self.at_coarser(&smoothed(&self.finer)?), smoothed(&self.coarser)?);
-        robust_std(finer.iter().zip(&coarser).map(|(a, b)| a - b))
+        let pairs = self.pairs(&smoothed(&self.finer)?, smoothed(&self.coarser)?, moves);
+        robust_std(pairs.into_iter().map(|(a, b)| a - b))
     }
 
     /// By what share the accelerations of a position are smaller at the coarser rate. Noise, which is as large in both
-    /// products, hardly counts.
-    fn lost_acceleration(&self, name: &str) -> Option<f64> {
+    /// products on average, hardly counts where there are accelerations.
+    fn lost_acceleration(&self, name: &str, moves: &[bool]) -> Option<f64> {
         let accelerations = |log: &Log| {
             let motion = finely(log.clock_s(), &log.channel(name)?.values);
             Some(motion.iter().map(|motion| motion.acceleration).collect::<Vec<f64>>())
         };
-        let (finer, coarser) = (self.at_coarser(&accelerations(&self.finer)?), accelerations(&self.coarser)?);
-        let pairs = finer.iter().zip(&coarser).filter(|(a, b)| a.is_finite() && b.is_finite());
-        let (both, own) = pairs.fold((0.0, 0.0), |(both, own), (a, b)| (both + a * b, own + b * b));
+        let pairs = self.pairs(&accelerations(&self.finer)?, accelerations(&self.coarser)?, moves);
+        let sums = |(both, own): (f64, f64), (a, b): &(f64, f64)| (both + a * b, own + b * b);
+        let (both, own) = pairs.iter().fold((0.0, 0.0), sums);
         (own > 0.0).then(|| both / own - 1.0)
     }
 
-    fn at_coarser(&self, finer: &[f64]) -> Vec<f64> {
-        interpolate(self.finer.clock_s(), finer, self.coarser.clock_s())
+    /// Values at both rates, at the instants of the coarser one, where a joint moves.
+    fn pairs(&self, finer: &[f64], coarser: Vec<f64>, moves: &[bool]) -> Vec<(f64, f64)> {
+        let finer = interpolate(self.finer.clock_s(), finer, self.coarser.clock_s());
+        let pairs = finer.into_iter().zip(coarser).zip(moves).filter(|(_, moves)| **moves).map(|(pair, _)| pair);
+        pairs.filter(|(a, b)| a.is_finite() && b.is_finite()).collect()
     }
 }
 

@@ -47,7 +47,8 @@ pub(crate) fn read(
     let step_s = log.usual_step_s().filter(|_| robot.is_prescribed());
     let thinned = step_s.and_then(|step_s| {
         let decided = || rate::followed_s(&log, robot, step_s);
-        let period_s = file.simulation.control_s.unwrap_or_else(|| *followed_s.get_or_insert_with(decided));
+        let stated_s = file.simulation.control_s;
+        let period_s = stated_s.or_else(|| rate::is_fast(step_s).then(|| *followed_s.get_or_insert_with(decided)))?;
         thin(&mut log, step_s, period_s)
     });
     let (means_of, mean_s) = thinned.as_ref().map_or((1, 0.0), |(count, mean_s, _)| (*count, *mean_s));

@@ -14,11 +14,11 @@ use btr_core::signal::standstill::standing;
 use btr_physics::drive::Replay;
 use btr_physics::model::Scenario;
 use btr_physics::model::parameter::Target;
-use btr_physics::robot::Robot;
+use btr_physics::robot::{Joint, Robot};
 use std::path::Path;
 use std::sync::Arc;
 
-/// A joint that stands still for a larger share of a log shows postures, not motion.
+/// A log in which each joint stands still for a larger share shows postures, not motion.
 const MOST_STANDING: f64 = 0.9;
 
 /// The scenarios of an experiment; the first `learn` are for training.
@@ -120,22 +120,23 @@ fn smooth_needed(log: &mut Log, robot: &Robot) {
 }
 
 /// Leaves out the torques of prescribed joints that stand still, and tells it: dry friction takes whatever torque is
-/// left there, up to its size, so that the motion does not say which. A joint that hardly ever moves in a log keeps
-/// them: its postures are all that the log shows.
+/// left there, up to its size, so that the motion does not say which. Where no joint moves for a tenth of a log, it
+/// keeps them: its postures are all that it shows.
 fn leave_out_standstill(log: &mut Log, robot: &Robot) -> Option<String> {
     let clock_s = log.clock_s().to_vec();
+    let positions = |joint: &Joint| log.channel(&format!("q_{}", joint.name)).map(|channel| &channel.values);
+    let measured = robot.prescribed().filter_map(|joint| Some((joint, positions(joint)?)));
+    let all: Vec<(&Joint, Vec<bool>)> = measured.map(|(joint, q)| (joint, standing(&clock_s, q))).collect();
+    let share = |stands: &[bool]| stands.iter().filter(|stands| **stands).count() as f64 / clock_s.len() as f64;
+    if all.iter().all(|(_, stands)| share(stands) > MOST_STANDING) {
+        return None;
+    }
+    let long_s = log.duration_s();
     let mut left_out: Vec<String> = Vec::new();
-    for joint in robot.prescribed() {
-        let Some(positions) = log.channel(&format!("q_{}", joint.name)) else { continue };
-        let stands = standing(&clock_s, &positions.values);
-        let count = stands.iter().filter(|stands| **stands).count();
-        if count == 0 || count as f64 > MOST_STANDING * clock_s.len() as f64 {
-            continue;
-        }
+    for (joint, stands) in all.iter().filter(|(_, stands)| stands.contains(&true)) {
         if let Some(torques) = log.values_mut(&joint.compared()) {
-            torques.iter_mut().zip(&stands).filter(|(_, stands)| **stands).for_each(|(torque, _)| *torque = f64::NAN);
-            let standing_s = log.duration_s() * count as f64 / clock_s.len() as f64;
-            left_out.push(format!("{} ({standing_s:.1} s)", joint.name));
+            torques.iter_mut().zip(stands).filter(|(_, stands)| **stands).for_each(|(torque, _)| *torque = f64::NAN);
+            left_out.push(format!("{} ({:.1} s)", joint.name, long_s * share(stands)));
         }
     }
     let told = || {
