@@ -14,17 +14,22 @@ const FOLLOWED_S: f64 = 0.005;
 const MOST_LOST: f64 = 0.005;
 /// ... and of the torques no more than their sensor's noise, but for this factor.
 const AS_NOISE: f64 = 1.25;
+/// Only in long logs, with more torques than this at the shorter period: fast reversals of friction are a little later
+/// or earlier in a velocity that is smoothed over a longer time, and only long logs need the time that it saves.
+const LONG: f64 = 30_000.0;
 /// Most samples by which this is judged.
 const ENOUGH: usize = 100_000;
 /// A channel of white noise beside the recorded ones.
 const WHITE: &str = "white noise";
 
-/// The period in s at which the motion of a log is followed: twice as long for fast logs where that loses nothing. Both
-/// motion and torque are smoothed over four samples to each side, so that less noise is left at the longer period, and
-/// all work takes half the time. Friction's jumps are few: what differs there does not count.
+/// The period in s at which the motion of a log is followed: twice as long for fast, long logs where that loses nothing.
+/// Both motion and torque are smoothed over four samples to each side, so that less noise is left at the longer period,
+/// and all work takes half the time. Friction's jumps are few: what differs there does not count.
 pub(super) fn followed_s(log: &Log, robot: &Robot, step_s: f64) -> f64 {
     let counts = [FOLLOWED_S, 2.0 * FOLLOWED_S].map(|period_s| within(period_s, step_s));
-    if is_fast(step_s) && keeps(log, robot, counts).unwrap_or(false) { 2.0 * FOLLOWED_S } else { FOLLOWED_S }
+    let is_long = log.duration_s() / FOLLOWED_S * robot.prescribed().count() as f64 > LONG;
+    let twice = is_fast(step_s) && is_long && keeps(log, robot, counts).unwrap_or(false);
+    if twice { 2.0 * FOLLOWED_S } else { FOLLOWED_S }
 }
 
 /// Whether a log is recorded at more than twice the rate at which fast motions are followed. Others keep their samples.
@@ -110,7 +115,7 @@ mod tests {
     /// A joint that swings `hz` times a second and has a ripple of torque, at 1 kHz with noise.
     fn recorded(hz: f64, ripple: f64) -> Log {
         let mut rng = stream(5, &[]);
-        let clock_s: Vec<f64> = (0..10_000).map(|i| f64::from(i) * 0.001).collect();
+        let clock_s: Vec<f64> = (0..160_000).map(|i| f64::from(i) * 0.001).collect();
         let mut noisy = |size: f64, of: &dyn Fn(f64) -> f64| -> Vec<f64> {
             clock_s.iter().map(|t| of(*t) + size * normal(&mut rng)).collect()
         };
@@ -137,8 +142,10 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_motion_is_followed_half_as_often() {
+    fn a_slow_motion_is_followed_half_as_often_in_a_long_log() {
         assert!((followed(0.7, 0.0) - 0.01).abs() < 1e-9);
+        let short = recorded(0.7, 0.0).part(0..10_000);
+        assert!((followed_s(&short, &robot(), 0.001) - 0.005).abs() < 1e-9);
     }
 
     #[test]
