@@ -22,8 +22,8 @@ const ENOUGH: usize = 100_000;
 /// A channel of white noise beside the recorded ones.
 const WHITE: &str = "white noise";
 
-/// The period in s at which the motion of a log is followed: twice as long for fast, long logs where that loses nothing.
-/// Both motion and torque are smoothed over four samples to each side, so that less noise is left at the longer period,
+/// The period in s at which the motion of a log is followed: twice as long for long logs where that loses nothing. Both
+/// motion and torque are smoothed over four samples to each side, so that less noise is left at the longer period,
 /// and all work takes half the time. Friction's jumps are few: what differs there does not count.
 pub(super) fn followed_s(log: &Log, robot: &Robot, step_s: f64) -> f64 {
     let counts = [FOLLOWED_S, 2.0 * FOLLOWED_S].map(|period_s| within(period_s, step_s));
