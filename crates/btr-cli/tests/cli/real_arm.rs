@@ -7,8 +7,6 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 const JOINTS: usize = 6;
-/// Every how many rows of the log, which has 1000 per second, are used.
-const EVERY: usize = 5;
 /// Share of the log to learn from.
 const LEARNT: f64 = 0.65;
 
@@ -19,15 +17,11 @@ urdf = "URDF"
 base = "fixed"
 [actuators."*"]
 kind = "prescribed"
-sample_s = 0.005
-[simulation]
-control_s = 0.005
-steps_per_control = 1
 "#;
 
-/// Each joint has friction and a rotor, and two wrist motors are coupled. Nothing is held:
-/// no payload may stand in for that, no inertia beyond reason, and no cogging whose order is no number of poles. What
-/// is wrong with the coupled wrist must not hide the friction of the other joints.
+/// Each joint has friction and a rotor, and two wrist motors are coupled. Nothing is held: no payload may stand in for
+/// that, no inertia beyond reason, and no cogging whose order is no number of poles. The coupling is found at both
+/// joints, although what the training part shows of joint 5 is friction, which the held-out part contradicts.
 #[test]
 fn what_an_unloaded_arm_lacks_is_no_payload() {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
@@ -39,28 +33,35 @@ fn what_an_unloaded_arm_lacks_is_no_payload() {
     let lab = Lab::new();
     lab.write("tx40.toml", &MODEL.replace("URDF", &data.join("tx40_mdh_modified.urdf").display().to_string()));
     let recorded = std::fs::read_to_string(data.join("episodes/joint_side_1kHz.csv")).unwrap();
-    let rows: Vec<&str> = recorded.lines().skip(1).step_by(EVERY).collect();
+    let rows: Vec<&str> = recorded.lines().skip(1).collect();
     let (learnt, held_out) = rows.split_at((LEARNT * rows.len() as f64) as usize);
     lab.write("learnt.csv", &log(learnt));
     lab.write("held_out.csv", &log(held_out));
-    let answer = lab.json("diagnose tx40.toml learnt.csv --held-out held_out.csv --max-effects 10 -q");
-    assert_eq!(answer["verdict"], "unexplained", "{answer}");
+    let answer = lab.json("diagnose tx40.toml learnt.csv --held-out held_out.csv -q");
+    assert_eq!(answer["verdict"], "partly_explained", "{answer}");
     let ladder = answer["error_ladder"].as_array().unwrap();
     let held_out = |step: usize| ladder[step]["held_out"].as_f64().unwrap();
-    assert!(held_out(ladder.len() - 1) < 0.5 * held_out(0), "{answer}");
-    for effect in answer["effects"].as_array().unwrap() {
-        let of_a_drive = ["friction", "armature", "coupling"];
-        assert!(of_a_drive.iter().any(|of| effect["effect"].as_str().unwrap().contains(of)), "{answer}");
-        assert_ne!(effect["established"], true, "{answer}");
-        assert!(effect["probability"].as_f64().unwrap() <= 0.95, "{answer}");
-        assert!(effect["parameters"].as_array().unwrap().iter().all(|p| p["ci95"].is_null()), "{answer}");
-    }
-    let joints = |effect: &Value| match &effect["site"] {
+    assert!(held_out(ladder.len() - 1) < 0.15 * held_out(0), "{answer}");
+    let sites = |effect: &Value| match &effect["site"] {
         Value::Array(sites) => sites.clone(),
         site => vec![site.clone()],
     };
-    let named: Vec<Value> = answer["effects"].as_array().unwrap().iter().flat_map(joints).collect();
-    assert!((1..=4).all(|joint| named.contains(&format!("joint_{joint}").into())), "{named:?}");
+    let mut named: Vec<String> = Vec::new();
+    for effect in answer["effects"].as_array().unwrap() {
+        let name = effect["effect"].as_str().unwrap();
+        let of_a_drive = ["friction", "armature", "coupling", "spring"];
+        assert!(of_a_drive.iter().any(|of| name.contains(of)), "{answer}");
+        assert!(effect["probability"].as_f64().unwrap() <= 0.90, "{answer}");
+        assert!(effect["parameters"].as_array().unwrap().iter().all(|p| p["ci95"].is_null()), "{answer}");
+        assert!(effect["established"] != true || !name.contains("spring"), "{answer}");
+        named.extend(sites(effect).iter().map(|site| format!("{name}@{}", site.as_str().unwrap())));
+    }
+    let couplings: Vec<&String> = named.iter().filter(|name| name.contains("coupling")).collect();
+    assert_eq!(couplings.len(), 2, "{named:?}");
+    for found in ["parent_coupling@joint_6", "child_coupling@joint_5"] {
+        assert!(named.iter().any(|name| name == found), "{named:?}");
+    }
+    assert!((1..=6).all(|joint| named.contains(&format!("viscous_friction@joint_{joint}"))), "{named:?}");
     assert!(answer["wrong_values"].as_array().unwrap().is_empty(), "{answer}");
 }
 

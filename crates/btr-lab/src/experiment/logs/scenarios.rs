@@ -20,6 +20,8 @@ use std::sync::Arc;
 
 /// A log in which each joint stands still for a larger share shows postures, not motion.
 const MOST_STANDING: f64 = 0.9;
+/// A joint that stands still for a larger share does not move: the rest is noise that looks like motion.
+const ALL_STANDING: f64 = 0.99;
 
 /// The scenarios of an experiment; the first `learn` are for training.
 pub(crate) struct ScenarioSet {
@@ -135,7 +137,9 @@ fn leave_out_standstill(log: &mut Log, robot: &Robot) -> Option<String> {
     let mut left_out: Vec<String> = Vec::new();
     for (joint, stands) in all.iter().filter(|(_, stands)| stands.contains(&true)) {
         if let Some(torques) = log.values_mut(&joint.compared()) {
-            torques.iter_mut().zip(stands).filter(|(_, stands)| **stands).for_each(|(torque, _)| *torque = f64::NAN);
+            let all = share(stands) > ALL_STANDING;
+            let held = torques.iter_mut().zip(stands).filter(|(_, stands)| all || **stands);
+            held.for_each(|(torque, _)| *torque = f64::NAN);
             left_out.push(format!("{} ({:.1} s)", joint.name, long_s * share(stands)));
         }
     }
