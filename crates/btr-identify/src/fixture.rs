@@ -55,6 +55,7 @@ impl SyntheticModel {
             similar: Vec::new(),
             nested: Vec::new(),
             needs: Needs::Nothing,
+            is_usual: false,
         });
         self
     }

@@ -1,6 +1,6 @@
 //! Logs of motion and torque: the motion is prescribed, and the torques that it requires are compared.
 
-use crate::lab::{Lab, noise};
+use crate::lab::{Lab, named, noise};
 use serde_json::Value;
 use std::f64::consts::PI;
 use std::fmt::Write;
@@ -238,13 +238,9 @@ fn a_motor_that_turns_with_two_joints_is_named_at_both() {
     assert!(!answer["effects"].to_string().contains("asymmetric"), "{answer}");
 }
 
-/// The names and the verdict of a diagnosis of the leg.
-fn named(answer: &Value) -> (String, Vec<String>) {
-    let effects = answer["effects"].as_array().unwrap().iter();
-    let name = |of: &Value| format!("{}@{}", of["effect"].as_str().unwrap(), of["site"].as_str().unwrap());
-    let mut names: Vec<String> = effects.map(name).collect();
-    names.sort();
-    (answer["verdict"].as_str().unwrap().to_owned(), names)
+/// The verdict and the names of a diagnosis of the leg.
+fn verdict_and_names(answer: &Value) -> (String, Vec<String>) {
+    (answer["verdict"].as_str().unwrap().to_owned(), named(answer))
 }
 
 /// Friction holds any torque up to its size while a joint stands: what the log shows there depends on how it came to
@@ -273,7 +269,7 @@ fn torques_of_joints_that_stand_still_are_left_out() {
     let answer = |options: &str| lab.json(&format!("diagnose leg.toml learn.csv --held-out held_out.csv -q{options}"));
     let left_out = answer("");
     let true_names = ["armature@hip", "coulomb_friction@knee", "viscous_friction@hip"].map(str::to_owned);
-    assert_eq!(named(&left_out), ("effect_missing".to_owned(), true_names.to_vec()), "{left_out}");
+    assert_eq!(verdict_and_names(&left_out), ("effect_missing".to_owned(), true_names.to_vec()), "{left_out}");
     let told = String::from_utf8(lab.run("compare leg.toml held_out.csv").stderr).unwrap();
     assert!(told.contains("stands still") && told.contains("hip (3."), "{told}");
     let kept = answer(" --set channels.keep_standstill=true");
@@ -294,7 +290,7 @@ fn a_log_that_ends_at_rest_is_judged_where_it_moves() {
     let lab = Planted { motions, ..Planted::default() }.lab();
     let answer = lab.json("diagnose leg.toml learn.csv -q");
     assert_eq!(answer["error_ladder"][0]["held_out"].as_f64().map(|error| error > 10.0), Some(true), "{answer}");
-    assert!(named(&answer).1.contains(&"viscous_friction@hip".to_owned()), "{answer}");
+    assert!(named(&answer).contains(&"viscous_friction@hip".to_owned()), "{answer}");
 }
 
 /// Where both joints move together in the training log and against each other in the held-out one, friction at the
@@ -308,7 +304,7 @@ fn a_coupling_that_the_training_log_shows_as_friction_is_named() {
     };
     let lab = Planted { motor: [0.1, 0.06, 0.0], motions, ..Planted::default() }.lab();
     let answer = lab.json("diagnose leg.toml learn.csv --held-out held_out.csv -q");
-    let (verdict, names) = named(&answer);
+    let (verdict, names) = verdict_and_names(&answer);
     assert!(names.contains(&"parent_coupling@knee".to_owned()) && verdict != "unexplained", "{answer}");
     let has = |law: &str| names.iter().any(|name| name.contains(law) && name.ends_with("friction@knee"));
     assert!(has("coulomb") || has("asymmetric"), "{answer}");

@@ -157,3 +157,19 @@ pub(crate) fn text(bytes: &[u8]) -> String {
 pub(crate) fn robots() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots")
 }
+
+/// `effect@site` of all that was named, sorted.
+pub(crate) fn named(answer: &Value) -> Vec<String> {
+    let sites = |effect: &Value| match &effect["site"] {
+        Value::Array(sites) => sites.clone(),
+        one => vec![one.clone()],
+    };
+    let effects = answer["effects"].as_array().unwrap().iter();
+    let of = |effect: &Value| {
+        let name = effect["effect"].as_str().unwrap().to_owned();
+        sites(effect).into_iter().map(move |site| format!("{name}@{}", site.as_str().unwrap())).collect::<Vec<_>>()
+    };
+    let mut names: Vec<String> = effects.flat_map(of).collect();
+    names.sort();
+    names
+}

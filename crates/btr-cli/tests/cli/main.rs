@@ -37,5 +37,6 @@ mod scenarios;
 mod start;
 mod studio;
 mod terminal;
+mod usual_laws;
 mod verbs;
 mod warned;

@@ -51,8 +51,18 @@ impl LogErrors {
         if own::is_apart(objective, candidate) {
             return LogErrors::own(objective, candidate, fit, residual.as_ref());
         }
+        LogErrors::whole(objective, fit, held_out, residual.as_ref())
+    }
+
+    /// The same in all channels.
+    pub(super) fn in_all(objective: &Objective, fit: &FitPoint, held_out: Option<f64>) -> Self {
+        let residual = objective.residual(&fit.u, LogSet::HeldOut).ok();
+        LogErrors::whole(objective, fit, held_out, residual.as_ref())
+    }
+
+    fn whole(objective: &Objective, fit: &FitPoint, held_out: Option<f64>, residual: Option<&ResidualVector>) -> Self {
         let mut each = by_log(objective, LogSet::Learn, Some(&fit.residual));
-        each.extend(by_log(objective, LogSet::HeldOut, residual.as_ref()));
+        each.extend(by_log(objective, LogSet::HeldOut, residual));
         let learnt = chi(fit.squares(), objective.samples(LogSet::Learn));
         let judged = match (objective.logs(LogSet::HeldOut), held_out) {
             ([], _) => learnt,
@@ -252,6 +262,7 @@ mod tests {
             delta_bic: 100.0,
             parameters: Vec::new(),
             close: Vec::new(),
+            is_granted: false,
             candidate: 0,
         }
     }

@@ -31,9 +31,9 @@ pub use report::{
 pub use residual_law::ResidualLaw;
 
 use crate::LadderStep;
-use crate::fit::second_look::{LEFT_OUT, without_glitches};
+use crate::fit::second_look::{LEFT_OUT, NEW_FLOORS, with_torque_floors, without_glitches};
 use crate::fit::{Objective, RESTARTS};
-use beginning::begin;
+use beginning::{GrantedTest, begin, take_for_granted};
 use btr_core::world::{Cancelled, WorldError};
 use companion::{companion, exchange, exchange_for_larger, is_near, weigh_pairs};
 use conclusion::conclude;
@@ -55,6 +55,7 @@ pub fn diagnose(
     on_step: &dyn Fn(&LadderStep),
 ) -> Result<Diagnosis, WorldError> {
     let state = begin(objective, on_step)?;
+    let state = with_usual_laws(objective, question, state, on_step);
     let diagnosis = match objective.description.has_contact {
         true => go_on(objective, question, state, on_step),
         false => go_on_with_new_starts(objective, question, state, on_step, RESTARTS),
@@ -62,8 +63,44 @@ pub fn diagnose(
     if objective.model.is_cancelled() { Err(Cancelled.into()) } else { Ok(diagnosis) }
 }
 
-/// Continues without the glitches that show beside the fitted model, and with starts from it, for at most
-/// `restarts_left` times. Without contact, such starts are accepted if nothing else is left to explain, or if they
+/// Begins with the laws that nearly every joint follows, where the motion is prescribed and the held-out logs confirm
+/// them, and with what shows beside all of them: what the links lack, or what couples joints, is hidden by friction that
+/// a model lacks, and takes its place where that is missing.
+fn with_usual_laws(
+    objective: &mut Objective,
+    question: DiagnoseOptions,
+    state: DiagnosisState,
+    on_step: &dyn Fn(&LadderStep),
+) -> DiagnosisState {
+    let Some(mut usual) = take_for_granted(objective, question, &state) else { return state };
+    let silent = &|_: &LadderStep| ();
+    if usual.leaves_something(objective, &usual.fit)
+        && search_once(objective, question, &mut usual, silent) == RoundEnd::Found
+    {
+        complete(objective, &mut usual, silent);
+        objective.set_stoppable(true);
+    }
+    if objective.is_stopped() {
+        return state;
+    }
+    usual.keep_granted(objective, GrantedTest::Shown);
+    usual.told_after(objective, state, on_step)
+}
+
+/// Tries the usual laws again at the joints that have not got them: what was found since may have hidden them.
+fn with_usual_laws_again(
+    objective: &mut Objective,
+    question: DiagnoseOptions,
+    state: DiagnosisState,
+    on_step: &dyn Fn(&LadderStep),
+) -> DiagnosisState {
+    let Some(mut usual) = take_for_granted(objective, question, &state) else { return state };
+    usual.keep_granted(objective, GrantedTest::Finding);
+    usual.told_after(objective, state, on_step)
+}
+
+/// Continues without the glitches that show beside the fitted model, with its noise floors, and with starts from it,
+/// for at most `restarts_left` times. Without contact, such starts are accepted if nothing else is left to explain, or if they
 /// explain most of it and the held-out logs do not contradict that: a model that lacks something prefers starts that
 /// compensate for it.
 fn go_on_with_new_starts(
@@ -79,6 +116,11 @@ fn go_on_with_new_starts(
     if let Some(cleaner) = (!is_explained).then(|| without_glitches(objective, &state.fit)).flatten() {
         let mut again = objective.going_on(cleaner.as_ref(), &state.fit.u);
         state.continue_with(&mut again, LEFT_OUT, on_step);
+        return go_on_with_new_starts(&mut again, question, state, on_step, restarts_left);
+    }
+    if let Some(other) = (!is_explained).then(|| with_torque_floors(objective, &state.fit)).flatten() {
+        let mut again = objective.going_on(other.as_ref(), &state.fit.u);
+        state.continue_with(&mut again, NEW_FLOORS, on_step);
         return go_on_with_new_starts(&mut again, question, state, on_step, restarts_left);
     }
     if restarts_left == 0 || is_explained || objective.is_stopped() {
@@ -123,6 +165,7 @@ fn go_on(
         }
         complete(objective, &mut state, on_step);
         objective.set_stoppable(true);
+        state = with_usual_laws_again(objective, question, state, on_step);
         if state.leaves_something(objective, &state.fit) || (!contact && state.fails_on_held_out(objective)) {
             let restarts_left = if contact { 1 } else { RESTARTS };
             return go_on_with_new_starts(objective, question, state, on_step, restarts_left);
@@ -216,6 +259,7 @@ fn compare_findings(
     on_step: &dyn Fn(&LadderStep),
 ) {
     if objective.description.is_decoupled && !objective.is_stopped() {
+        state.keep_granted(objective, GrantedTest::Finding);
         state.drop_needless(objective);
         state.split(objective, |_, _| true, on_step);
     }

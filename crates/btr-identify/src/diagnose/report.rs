@@ -4,7 +4,7 @@ use super::residual_law::ResidualLaw;
 use crate::LadderStep;
 use crate::fit::{Degree, Estimate, FitPoint, Objective, RemainingError};
 use crate::quality::GlitchReport;
-use crate::residual_model::{CandidateKind, EffectCandidate};
+use crate::residual_model::{CandidateKind, EffectCandidate, RecordedLog};
 use serde::{Deserialize, Serialize};
 
 /// Share of the rollouts for effects; the rest is for a law.
@@ -222,6 +222,9 @@ pub struct MissingEffect {
     /// Indices of the candidates that did nearly as well when it was found, beside what was known then.
     #[serde(skip)]
     pub close: Vec<usize>,
+    /// Whether it was taken for granted, and not compared with those yet.
+    #[serde(skip)]
+    pub is_granted: bool,
     /// Index of the candidate.
     #[serde(skip)]
     pub candidate: usize,
@@ -242,6 +245,7 @@ impl MissingEffect {
             delta_bic,
             parameters: Vec::new(),
             close: Vec::new(),
+            is_granted: false,
             candidate: index,
         }
     }
@@ -368,6 +372,8 @@ pub struct Diagnosis {
     pub stand_ins: Vec<StandIn>,
     /// Whether the limit of rollouts ended it.
     pub cut_short: bool,
+    /// The logs, with the noise floors that errors are multiples of.
+    pub logs: Vec<RecordedLog>,
     /// The glitches that showed beside a fitted model and were left out, each with its log.
     pub glitches: Vec<(usize, GlitchReport)>,
     /// Simulated logs.

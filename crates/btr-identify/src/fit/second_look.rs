@@ -1,4 +1,7 @@
-//! A second look for glitches: beside a fitted model those show that the error of the model as it stands has hidden.
+//! Second looks at the logs, beside a fitted model.
+//!
+//! Glitches show there that the error of the model as it stands has hidden. And the noise of a motion becomes the more
+//! torque the more inertia a model has: one that lacks rotors and loads has noise floors that no model reaches.
 //!
 //! The criteria are the same as beside the model as it stands: single short departures, far above what the errors of
 //! their neighbours allow. An effect that is missing bends the error over many samples, and is not explained away. What
@@ -10,8 +13,9 @@ use super::residual_vector::chi;
 use super::solve::FitPoint;
 use crate::residual_model::{Derivation, ResidualModel};
 
-/// The step of the ladder that follows.
+/// The steps of the ladder that follow.
 pub(crate) const LEFT_OUT: &str = "glitches left out";
+pub(crate) const NEW_FLOORS: &str = "noise floors of this model";
 /// Largest error beside what is left out, in largest errors that count as noise: at fast onsets on a slow clock, the
 /// error of a wrong model is as short as a glitch.
 const NEARLY: f64 = 2.0;
@@ -30,4 +34,10 @@ pub(crate) fn without_glitches(objective: &Objective, fit: &FitPoint) -> Option<
     let error = learnt.max(chi(judged, again.samples(LogSet::HeldOut).max(1)));
     objective.count(&again);
     (error <= NEARLY * objective.noise_bound()).then_some(cleaner)
+}
+
+/// The model with the noise floors of torques at a fit; `None` where they stay about the same.
+pub(crate) fn with_torque_floors(objective: &Objective, fit: &FitPoint) -> Option<Box<dyn ResidualModel>> {
+    let is_asked = objective.description.is_decoupled && !objective.is_stopped();
+    is_asked.then(|| objective.model.derive(&Derivation::WithTorqueFloorsAt(fit.u.clone()))).flatten()
 }

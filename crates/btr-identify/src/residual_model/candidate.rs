@@ -55,6 +55,8 @@ pub struct EffectCandidate {
     pub nested: Vec<usize>,
     /// What must have been found before.
     pub needs: Needs,
+    /// Whether nearly every joint has it.
+    pub is_usual: bool,
 }
 
 impl EffectCandidate {

@@ -69,6 +69,7 @@ impl SyntheticModel {
             similar: Vec::new(),
             nested: Vec::new(),
             needs: Needs::Nothing,
+            is_usual: false,
         };
         let log = |i: usize| RecordedLog {
             name: format!("log {i}"),

@@ -34,7 +34,9 @@ impl Shape {
     pub(super) fn allows(&self, derivation: &Derivation) -> bool {
         match derivation {
             Derivation::Beginnings | Derivation::InWindows => true,
-            Derivation::WithStartsAt(u) | Derivation::WithoutGlitchesAt(u) => u.len() == self.parameters,
+            Derivation::WithStartsAt(u) | Derivation::WithoutGlitchesAt(u) | Derivation::WithTorqueFloorsAt(u) => {
+                u.len() == self.parameters
+            }
             Derivation::WithInitialState(moved) => moved.iter().all(|start| self.is_start(start.log, start.by.len())),
         }
     }

@@ -54,7 +54,8 @@ fn rollouts_fit_their_problem_or_are_refused() {
     assert!(is_mismatch(ask(parameters, 0, 1000, 0, None)), "a start of another length");
     assert!(is_mismatch(ask(parameters, 0, 0, 40, None)), "an endlessly fine step");
     let moved = Derivation::WithInitialState(vec![MovedStart { log: 9, by: Vec::new() }]);
-    for derivation in [Derivation::WithStartsAt(vec![0.0]), Derivation::WithoutGlitchesAt(Vec::new()), moved] {
+    let floors = Derivation::WithTorqueFloorsAt(vec![0.0]);
+    for derivation in [Derivation::WithStartsAt(vec![0.0]), Derivation::WithoutGlitchesAt(Vec::new()), floors, moved] {
         assert!(is_mismatch(ask(parameters, 0, 0, 0, Some(derivation.clone()))), "{derivation:?}");
     }
 }

@@ -74,6 +74,7 @@ impl IdentificationProblem {
             similar: Vec::new(),
             nested: Vec::new(),
             needs: Needs::Nothing,
+            is_usual: false,
         });
         self.changes.push(Change::Values(targets));
     }
@@ -129,6 +130,7 @@ impl IdentificationProblem {
             similar,
             nested,
             needs,
+            is_usual: effect.is_usual(),
         });
         self.changes.push(Change::Effect(effect));
     }
@@ -246,6 +248,7 @@ impl IdentificationProblem {
             similar,
             nested,
             needs: Needs::Nothing,
+            is_usual: false,
         };
         let swings = term.swings.map(|i| first + i);
         let channels = if self.model.robot.is_prescribed() { self.shows_in(joint) } else { Vec::new() };

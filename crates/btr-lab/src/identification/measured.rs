@@ -4,14 +4,18 @@ use super::log_parts::LogPart;
 use super::problem::IdentificationProblem;
 use super::start;
 use super::start::windows::Windows;
+use crate::log_quality::torque_noise::MotionNoise;
 use btr_core::log::{Channel, Log, Role, interpolate};
 use btr_core::world::WorldError;
 use btr_identify::residual_model::{MeasuredChannel, RecordedLog, TimeStep};
-use btr_physics::model::Model;
+use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::Base;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
+
+/// Smallest change of a noise floor that counts, as a share of it.
+const CHANGED: f64 = 0.03;
 
 impl IdentificationProblem {
     /// Sets the compared channels of the logs, and their initial states as estimated by the model at `u`. A floating
@@ -70,7 +74,7 @@ impl IdentificationProblem {
             return Ok(());
         }
         let scenarios = (0..self.recorded.len()).into_par_iter();
-        self.lower_floors = scenarios.map(|scenario| self.floors_beside_model(u, scenario)).collect();
+        self.floors_of_model = scenarios.map(|scenario| self.floors_beside_model(u, scenario)).collect();
         self.measure()
     }
 
@@ -88,10 +92,42 @@ impl IdentificationProblem {
         compared(&self.model).filter_map(lower).collect()
     }
 
+    /// The problem with the noise floors of the torques that a prescribed motion requires of the model at `u`; `None`
+    /// where they stay about the same.
+    pub(super) fn with_torque_floors_at(&self, u: &[f64]) -> Option<Self> {
+        if !self.model.robot.is_prescribed() {
+            return None;
+        }
+        let longest = (0..self.model.learn.min(self.recorded.len())).max_by_key(|k| self.recorded[*k].len())?;
+        let motion = MotionNoise::of(&self.model, &self.recorded[longest], self.means_of);
+        let becomes = |u: &[f64]| {
+            let simulate = |scenario: &Scenario| self.simulate_in(u, scenario, TimeStep::USUAL);
+            motion.in_torques(&self.model, &self.situations[longest], &simulate).ok()
+        };
+        let (stood, stands) = (becomes(&vec![0.0; u.len()])?, becomes(u)?);
+        let floor = |(name, now): (&String, &f64)| {
+            let values = &self.recorded[longest].channel(name)?.values;
+            let before = self.model.setup.noise.floor(name, values)?;
+            let floor = (before.powi(2) - stood.get(name)?.powi(2)).max(0.0).sqrt().hypot(*now);
+            let used = self.floor(longest, name, values)?;
+            Some((name.clone(), floor, (floor / used - 1.0).abs() > CHANGED))
+        };
+        let all: Vec<(String, f64, bool)> = stands.iter().filter_map(floor).collect();
+        if !all.iter().any(|(_, _, changed)| *changed) {
+            return None;
+        }
+        let mut other = self.clone();
+        for floors in &mut other.floors_of_model {
+            floors.extend(all.iter().map(|(name, floor, _)| (name.clone(), *floor)));
+        }
+        other.measure().ok()?;
+        Some(other)
+    }
+
     /// The noise floor of a channel of a scenario's log.
     fn floor(&self, scenario: usize, name: &str, readings: &[f64]) -> Option<f64> {
-        let lower = self.lower_floors[scenario].get(name).copied();
-        lower.or_else(|| self.model.setup.noise.floor(name, readings))
+        let of_model = self.floors_of_model[scenario].get(name).copied();
+        of_model.or_else(|| self.model.setup.noise.floor(name, readings))
     }
 
     /// The noise of a joint's reading; 0 if there is none.

@@ -42,8 +42,11 @@ pub struct IdentificationProblem {
     pub(super) free: Vec<usize>,
     pub(super) candidates: Vec<EffectCandidate>,
     pub(super) logs: Vec<RecordedLog>,
-    /// For each scenario, the noise floors that are lower beside the model than in the readings alone.
-    pub(super) lower_floors: Vec<HashMap<String, f64>>,
+    /// For each scenario, the noise floors that are taken from a model: those that are lower beside it than in the
+    /// readings alone, and those of the torques that a prescribed motion requires.
+    pub(super) floors_of_model: Vec<HashMap<String, f64>>,
+    /// How many recorded samples a sample is the mean of.
+    pub(super) means_of: usize,
     pub(super) scales: RobotScales,
     /// With windows: for each joint, the channels of the joints of its limb.
     pub(super) limbs: Vec<Vec<String>>,
@@ -60,6 +63,11 @@ impl IdentificationProblem {
     /// The logs' channels, to change their floors.
     pub(crate) fn floors(&mut self) -> impl Iterator<Item = &mut RecordedLog> {
         self.logs.iter_mut()
+    }
+
+    /// The same problem with logs whose samples are means of so many recorded ones.
+    pub(crate) fn of_means(self, means_of: usize) -> Self {
+        IdentificationProblem { means_of, ..self }
     }
 
     /// The model's own parameters, free or frozen; they come before those of candidates.

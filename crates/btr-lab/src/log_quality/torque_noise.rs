@@ -20,6 +20,11 @@ use std::sync::Arc;
 
 /// Most samples of a log from which noise is estimated.
 const ENOUGH: usize = 20_000;
+/// Samples of a stretch in which the robot feels about the same inertia, ...
+const STRETCH: usize = 64;
+/// ... and largest change of a torque there, in standard deviations: where noise changes the sign of a slow motion,
+/// friction changes its sign as well.
+const MOST: f64 = 3.0;
 
 /// Estimates of the noise of torque sensors in a log as recorded.
 pub(crate) fn of_sensors(log: &Log, robot: &Robot) -> IndexMap<String, f64> {
@@ -44,10 +49,12 @@ pub(crate) fn floors(
     else {
         return IndexMap::new();
     };
-    let log = logs[longest].part(0..logs[longest].len().min(ENOUGH));
+    let noise = MotionNoise::of(model, &logs[longest], means_of);
+    let s = model.simulations().nominal();
+    let simulate = |scenario: &Scenario| model.simulate(ModelRequest::new(&s, scenario));
     // A log that cannot be simulated is reported where it is needed.
-    let moved = by_motion(model, &model.scenarios[longest], (&log, means_of), &joints).unwrap_or_default();
-    let left = left_by_smoothing(&log);
+    let moved = noise.in_torques(model, &model.scenarios[longest], &simulate).unwrap_or_default();
+    let left = left_by_smoothing(&noise.logs[0]);
     let floor = |joint: &Joint| {
         let name = joint.compared();
         let squares: Vec<f64> = sensors.iter().filter_map(|log| Some(log.get(&name)?.powi(2))).collect();
@@ -60,39 +67,66 @@ pub(crate) fn floors(
     joints.into_iter().filter_map(floor).collect()
 }
 
-/// Standard deviation of the required torques by the noise of the positions.
-fn by_motion(
-    model: &Model,
-    scenario: &Scenario,
-    (log, means_of): (&Log, usize),
-    joints: &[&Joint],
-) -> Result<IndexMap<String, f64>, WorldError> {
-    let s = model.simulations().nominal();
-    let required = |log: &Log| {
-        let replay = Some(Arc::new(Replay::new(log, &model.robot)));
-        let scenario = Scenario { replay, duration_s: log.duration_s(), ..scenario.clone() };
-        model.simulate(ModelRequest::new(&s, &scenario))
-    };
-    let mut noisier = log.clone();
-    for (k, joint) in joints.iter().enumerate() {
-        let name = format!("q_{}", joint.name);
-        if let Some(values) = noisier.values_mut(&name)
-            && let Some(sigma) = model.setup.noise.floor(&name, values)
-        {
-            // What is stated is the noise of a recorded sample.
-            let of = if model.setup.noise.stated(&name).is_some() { means_of } else { 1 };
-            let sigma = sigma / (of as f64).sqrt();
-            add_noise(values, sigma, 0.0, &mut stream(0, &[k as u64]));
+/// What the noise of the positions becomes in a model.
+pub(crate) struct MotionNoise {
+    /// The part of a log from which it is estimated, and with as much noise again.
+    logs: [Log; 2],
+}
+
+impl MotionNoise {
+    /// In a log whose samples are means of so many recorded ones.
+    pub(crate) fn of(model: &Model, log: &Log, means_of: usize) -> Self {
+        let once = log.part(0..log.len().min(ENOUGH));
+        let mut twice = once.clone();
+        for (k, joint) in model.robot.prescribed().enumerate() {
+            let name = format!("q_{}", joint.name);
+            if let Some(values) = twice.values_mut(&name)
+                && let Some(sigma) = model.setup.noise.floor(&name, values)
+            {
+                // What is stated is the noise of a recorded sample.
+                let of = if model.setup.noise.stated(&name).is_some() { means_of } else { 1 };
+                let sigma = sigma / (of as f64).sqrt();
+                add_noise(values, sigma, 0.0, &mut stream(0, &[k as u64]));
+            }
         }
+        MotionNoise { logs: [once, twice] }
     }
-    let (once, twice) = (required(log)?, required(&noisier)?);
-    let deviation = |joint: &&Joint| {
-        let name = joint.compared();
-        let pairs = once.channel(&name)?.values.iter().zip(&twice.channel(&name)?.values);
-        // Where noise changes the sign of a slow motion, friction changes its sign as well: those samples are outliers.
-        Some((name, robust_std(pairs.map(|(a, b)| b - a))?))
-    };
-    Ok(joints.iter().filter_map(deviation).collect())
+
+    /// Standard deviation of the torques that a point requires in a scenario, by the noise of the positions.
+    ///
+    /// # Errors
+    /// A motion that cannot be simulated.
+    pub(crate) fn in_torques(
+        &self,
+        model: &Model,
+        scenario: &Scenario,
+        simulate: &dyn Fn(&Scenario) -> Result<Log, WorldError>,
+    ) -> Result<IndexMap<String, f64>, WorldError> {
+        let required = |log: &Log| {
+            let replay = Some(Arc::new(Replay::new(log, &model.robot)));
+            simulate(&Scenario { replay, duration_s: log.duration_s(), ..scenario.clone() })
+        };
+        let [once, twice] = &self.logs;
+        let (once, twice) = (required(once)?, required(twice)?);
+        let deviation = |joint: &Joint| {
+            let name = joint.compared();
+            let pairs = once.channel(&name)?.values.iter().zip(&twice.channel(&name)?.values);
+            Some((name, deviation(&pairs.map(|(a, b)| b - a).collect::<Vec<f64>>())?))
+        };
+        Ok(model.robot.prescribed().filter_map(deviation).collect())
+    }
+}
+
+/// Root mean square of changes, whose size follows the robot's posture, without what is large beside its neighbours.
+fn deviation(changes: &[f64]) -> Option<f64> {
+    let (mut squares, mut count) = (0.0, 0usize);
+    for stretch in changes.chunks(STRETCH) {
+        let Some(most) = robust_std(stretch.iter().copied()).map(|deviation| MOST * deviation) else { continue };
+        let finite = stretch.iter().filter(|change| change.is_finite());
+        squares += finite.clone().map(|change| change.abs().min(most).powi(2)).sum::<f64>();
+        count += finite.count();
+    }
+    (count > 0).then(|| (squares / count as f64).sqrt())
 }
 
 /// The share of white noise that smoothing on this log's clock leaves.
@@ -101,4 +135,26 @@ fn left_by_smoothing(log: &Log) -> f64 {
     add_noise(&mut noise, 1.0, 0.0, &mut stream(1, &[]));
     smooth::in_place(log.clock_s(), &mut noise);
     robust_std(noise.into_iter()).unwrap_or(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use rand::RngExt;
+
+    #[test]
+    fn changes_of_different_sizes_count_by_their_squares_and_outliers_do_not() {
+        let mut rng = stream(2, &[]);
+        let mut normal = || (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
+        // In a tenth of the motion the arm is stretched, and feels ten times the inertia.
+        let size = |i: usize| if (i / 200).is_multiple_of(10) { 10.0 } else { 1.0 };
+        let mut changes: Vec<f64> = (0..20_000).map(|i| size(i) * normal()).collect();
+        let truth = (0.1f64 * 100.0 + 0.9).sqrt();
+        assert!((deviation(&changes).unwrap() / truth - 1.0).abs() < 0.1);
+        assert!(robust_std(changes.iter().copied()).unwrap() < 0.5 * truth);
+        changes.iter_mut().skip(50).step_by(150).for_each(|change| *change = 500.0);
+        assert!((deviation(&changes).unwrap() / truth - 1.0).abs() < 0.15);
+        assert_eq!(deviation(&[f64::NAN]), None);
+    }
 }

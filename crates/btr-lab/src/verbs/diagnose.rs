@@ -127,7 +127,7 @@ pub fn diagnose(
         wrong_values: wrong_values(input, &diagnosis.effects),
         ranking: diagnosis.rounds.clone(),
         error_ladder: diagnosis.ladder.clone(),
-        noise_floor: input.floors(),
+        noise_floor: input.floors_in(&diagnosis.logs),
         unexplained_share: diagnosis.unexplained_share,
         left_over: diagnosis.left_over.clone(),
         stand_ins: diagnosis.stand_ins.clone(),

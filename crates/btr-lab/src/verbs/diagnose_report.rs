@@ -310,11 +310,14 @@ impl DiagnoseReport {
     }
 }
 
-/// Merges findings of one effect at several sites.
+/// Merges findings of one effect at several sites; those that cannot be told from others are told by themselves.
 pub(super) fn grouped(input: &VerbInput, found: &[MissingEffect]) -> Vec<EffectReport> {
     let mut reports: Vec<EffectReport> = Vec::new();
     for one in found.iter().filter(|one| one.kind == CandidateKind::Effect) {
-        match reports.iter_mut().find(|report| report.effect == one.effect) {
+        let is_same = |report: &&mut EffectReport| {
+            report.effect == one.effect && report.support.alike.is_empty() == one.alike.is_empty()
+        };
+        match reports.iter_mut().find(is_same) {
             Some(report) => report.join(input, one),
             None => reports.push(EffectReport {
                 effect: one.effect.clone(),

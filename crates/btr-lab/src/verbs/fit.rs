@@ -122,7 +122,7 @@ pub fn fit(
         stop_reason: fitted.ended,
         withheld: fitted.withheld,
         base_parameters: None,
-        noise_floor: input.floors(),
+        noise_floor: input.floors_in(&fitted.logs),
         glitches,
         not_judged: input.not_judged.clone(),
         left_out: input.left_out.clone(),

@@ -1,6 +1,6 @@
 //! Simulations of the held-out logs, for plots.
 
-use crate::identification::VerbInput;
+use crate::identification::{NoiseFloor, VerbInput};
 use btr_core::log::Log;
 use btr_core::world::WorldError;
 use btr_identify::compare::{Comparison, LogPair, compare};
@@ -39,17 +39,22 @@ impl VerbInput {
     }
 
     /// Errors of the residual model at point `u` on the held-out logs, in the channels that fits and diagnoses compare,
-    /// simulated in a fit's time step. Initial states are those of the logs; nothing is projected out.
+    /// simulated in a fit's time step, in multiples of these noise floors. Initial states are those of the logs; nothing is projected out.
     ///
     /// # Errors
     /// A simulation that diverged.
-    pub fn judge(&self, judged: &HeldOutLogs, u: &[f64], step: TimeStep) -> Result<JudgedLogs, WorldError> {
+    pub fn judge(
+        &self,
+        judged: &HeldOutLogs,
+        u: &[f64],
+        step: TimeStep,
+        floors: &[NoiseFloor],
+    ) -> Result<JudgedLogs, WorldError> {
         let simulate = |scenario: usize| self.problem.simulate(u, scenario, step);
         let simulated: Vec<Log> =
             judged.scenarios.clone().into_par_iter().map(simulate).collect::<Result<_, WorldError>>()?;
         let pairs = judged.names.iter().zip(judged.logs).zip(&simulated);
         let episodes: Vec<LogPair> = pairs.map(|((name, real), simulated)| LogPair { name, real, simulated }).collect();
-        let floors = self.floors();
         let floor = |channel: &str, _: &[f64], _: &[f64]| floors.iter().find(|f| f.channel == channel).map(|f| f.sigma);
         let comparison = compare(&episodes, floor);
         Ok(JudgedLogs { comparison, simulated })

@@ -134,6 +134,10 @@ pub trait Effect: Sync {
     fn is_common(&self) -> bool {
         false
     }
+    /// Whether nearly every drive has it: friction and a rotor, which a model of the links alone lacks.
+    fn is_usual(&self) -> bool {
+        false
+    }
     /// Whether what one joint does reaches others through it, beside the robot's links.
     fn joins_limbs(&self) -> bool {
         false

@@ -38,7 +38,7 @@ pub fn diagnose(subject: &Subject, found: &DiagnoseReport, (u, step): (&[f64], T
     sections.extend(found.next_experiment.as_ref().map(next));
     sections.push(fall(&found.error_ladder, ErrorUnit::of(&found.noise_floor)));
     sections.push(candidates(found));
-    let stages = Stages::all(&found.error_ladder, (u, step), what_was_found(found));
+    let stages = Stages::all(&found.error_ladder, (u, step), what_was_found(found)).in_floors(&found.noise_floor);
     let (before_and_after, player) = subject.before_and_after(&stages);
     sections.extend(before_and_after);
     let integrator = integrator(found.integrator_error, found.time_step_s);

@@ -28,6 +28,7 @@ pub fn fit(subject: &Subject, found: &FitReport, reached: (&[f64], TimeStep)) ->
     let added: Vec<String> = subject.input.added_effects().into_iter().collect();
     let name = if added.is_empty() { "fitted".to_owned() } else { format!("fitted, with {}", added.join(" and ")) };
     let stages = Stages::ends(&found.error_ladder, reached, "with the values above".to_owned(), name);
+    let stages = stages.in_floors(&found.noise_floor);
     let (before_and_after, player) = subject.before_and_after(&stages);
     sections.extend(before_and_after);
     let integrator = integrator(found.integrator_error, found.time_step_s);

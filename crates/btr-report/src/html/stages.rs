@@ -10,6 +10,7 @@ use btr_core::world::WorldError;
 use btr_identify::LadderStep;
 use btr_identify::compare::{ChannelError, Comparison};
 use btr_identify::residual_model::TimeStep;
+use btr_lab::identification::NoiseFloor;
 use btr_lab::verbs::{HeldOutLogs, JudgedLogs};
 use btr_physics::sensor::SensorNoise;
 
@@ -24,6 +25,8 @@ pub(super) struct Stages {
     stages: Vec<Stage>,
     /// The time step of the simulations.
     step: TimeStep,
+    /// The noise floors that errors are multiples of.
+    floors: Vec<NoiseFloor>,
 }
 
 /// The model at a step of the error ladder.
@@ -49,7 +52,12 @@ impl Stages {
         if stages.len() > MOST_STAGES {
             stages.drain(2..stages.len() - (MOST_STAGES - 2));
         }
-        Stages { after, stages, step }
+        Stages { after, stages, step, floors: Vec::new() }
+    }
+
+    /// The same with these noise floors.
+    pub(super) fn in_floors(self, floors: &[NoiseFloor]) -> Self {
+        Stages { floors: floors.to_vec(), ..self }
     }
 
     /// The first and the last step of an error ladder; at last, the model is at the point `u` and has this name.
@@ -65,7 +73,7 @@ impl Stages {
     fn judged(&self, subject: &Subject, logs: &HeldOutLogs) -> Result<Vec<(&Stage, JudgedLogs)>, WorldError> {
         let mut judged = Vec::with_capacity(self.stages.len());
         for (k, stage) in self.stages.iter().enumerate() {
-            match subject.input.judge(logs, &stage.u, self.step) {
+            match subject.input.judge(logs, &stage.u, self.step, &self.floors) {
                 Ok(errors) => judged.push((stage, errors)),
                 Err(error) if k == 0 || k + 1 == self.stages.len() => return Err(error),
                 Err(_) => {}

@@ -63,6 +63,7 @@ pub(super) fn conclude(objective: &mut Objective, question: DiagnoseOptions, mut
         stand_ins,
         cut_short: false,
         glitches: objective.description.glitches.clone(),
+        logs: objective.description.logs.clone(),
         rollouts,
         fit: state.fit,
     }

@@ -15,9 +15,11 @@ impl DiagnosisState {
     /// gives way to one that explains more, or as much with fewer parameters, and what cannot be told from it is
     /// declared. What the held-out logs contradict is passed over.
     pub(in crate::diagnose) fn compare_again(&mut self, objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) {
-        for index in 0..self.chosen.len().saturating_sub(1) {
+        for index in 0..self.chosen.len() {
             let mut later = index + 1..self.chosen.len();
-            if objective.is_stopped() || !later.any(|later| self.may_depend_on(objective, index, later)) {
+            let is_compared = !self.chosen[index].is_granted;
+            let is_changed = later.any(|later| self.may_depend_on(objective, index, later));
+            if objective.is_stopped() || is_compared && !is_changed {
                 continue;
             }
             let mut rivals = self.close_rivals(objective, index);

@@ -50,7 +50,8 @@ impl DiagnosisState {
         let is_tried = |&c: &usize| candidates[c].needs == Needs::Nothing && !self.is_chosen(c) && is_similar(c);
         let tried: Vec<usize> = found.close.iter().copied().filter(is_tried).collect();
         let needed = [earlier, later].iter().any(|&index| self.has_further_instances(objective, index));
-        if tried.is_empty() || needed || !self.may_depend_on(objective, earlier, later) {
+        // What joints usually have is no part of a cause that shows in all channels.
+        if tried.is_empty() || needed || found.is_granted || !self.may_depend_on(objective, earlier, later) {
             return None;
         }
         let mut rival = self.replaced(objective, &[earlier, later], &tried)?;

@@ -84,12 +84,12 @@ impl DiagnosisState {
             self.chosen.push(MissingEffect::of(part, &candidates[part], whole.probability, whole.delta_bic));
         }
         for part in parts {
-            self.weigh_part(objective, part);
+            self.weigh_beside_others(objective, part);
         }
     }
 
-    /// What speaks for one of two parts: the error without it.
-    fn weigh_part(&mut self, objective: &Objective, part: usize) {
+    /// What speaks for a finding beside all others: the error without it.
+    pub(in crate::diagnose) fn weigh_beside_others(&mut self, objective: &Objective, part: usize) {
         let Some(index) = self.chosen.iter().position(|found| found.candidate == part) else { return };
         let Some(mut without) = self.less(objective, &[index]) else { return };
         own::solve(objective, part, &mut without, SearchBudget { jacobians: 2, steps: 12 });

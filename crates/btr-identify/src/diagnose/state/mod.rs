@@ -248,7 +248,7 @@ impl DiagnosisState {
     }
 
     /// Drops a finding; `fit` is the fit without it.
-    fn drop_with(&mut self, objective: &Objective, index: usize, fit: FitPoint) {
+    pub(super) fn drop_with(&mut self, objective: &Objective, index: usize, fit: FitPoint) {
         self.fit = fit;
         self.held_out = held_out_squares(objective, &self.fit.u).filter(|_| self.held_out.is_some());
         let gone = self.chosen.remove(index);

@@ -10,11 +10,11 @@ use super::measure::{ComparisonMeasure, held_out_squares};
 use super::objective::{LogSet, Objective};
 use super::remaining::{Degree, RemainingError, remaining};
 use super::residual_vector::chi;
-use super::second_look::{LEFT_OUT, without_glitches};
+use super::second_look::{LEFT_OUT, NEW_FLOORS, with_torque_floors, without_glitches};
 use super::solve::{FitPoint, FitStop, SearchBudget};
 use crate::LadderStep;
 use crate::quality::GlitchReport;
-use crate::residual_model::TimeStep;
+use crate::residual_model::{RecordedLog, TimeStep};
 use btr_core::world::{Cancelled, WorldError};
 
 pub use self::beginning::{FitStart, StartValues};
@@ -52,6 +52,8 @@ pub struct FitResult {
     pub degree: Degree,
     /// What is left in each channel.
     pub left: Vec<RemainingError>,
+    /// The logs, with the noise floors that errors are multiples of.
+    pub logs: Vec<RecordedLog>,
     /// The glitches that showed beside the fitted model and were left out, each with its log.
     pub glitches: Vec<(usize, GlitchReport)>,
     /// Simulated logs.
@@ -113,7 +115,8 @@ fn from_another_start(
 }
 
 /// Continues with start states from the fitted model, at most `restarts_left` times. Without contact, that is always
-/// tried, and accepted if it lowers the error enough. Glitches that show beside the fitted model are left out first.
+/// tried, and accepted if it lowers the error enough. Glitches that show beside the fitted model are left out
+/// first, and noise floors taken from it.
 fn refine_starts(
     objective: &Objective,
     done: FinishedSearch,
@@ -121,11 +124,13 @@ fn refine_starts(
     restarts_left: usize,
 ) -> Result<FitResult, WorldError> {
     let contact = objective.description.has_contact;
-    if let Some(cleaner) = without_glitches(objective, &done.0) {
-        let mut again = objective.going_on(cleaner.as_ref(), &done.0.u);
+    let cleaner = without_glitches(objective, &done.0).map(|cleaner| (cleaner, LEFT_OUT));
+    let look = cleaner.or_else(|| Some((with_torque_floors(objective, &done.0)?, NEW_FLOORS)));
+    if let Some((model, step)) = look {
+        let mut again = objective.going_on(model.as_ref(), &done.0.u);
         let mut fit = FitPoint::at(&again, done.0.active.clone(), done.0.u.clone(), &[])?;
         fit.renew_step_error(&mut again);
-        let done = finish(&mut again, fit, &mut ladder, LEFT_OUT);
+        let done = finish(&mut again, fit, &mut ladder, step);
         return refine_starts(&again, done, ladder, restarts_left);
     }
     if restarts_left == 0 || (contact && ladder.error() <= objective.noise_bound()) {
@@ -221,6 +226,7 @@ fn conclude(
         degree,
         left,
         glitches: objective.description.glitches.clone(),
+        logs: objective.description.logs.clone(),
         rollouts,
     }
 }

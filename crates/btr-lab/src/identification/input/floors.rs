@@ -1,7 +1,7 @@
 //! What errors are measured in: the noise floor of each channel, or how far runs of the same command differ.
 
 use super::VerbInput;
-use btr_identify::residual_model::MeasuredChannel;
+use btr_identify::residual_model::{MeasuredChannel, RecordedLog};
 use indexmap::IndexMap;
 use serde::Serialize;
 
@@ -65,8 +65,13 @@ impl VerbInput {
 
     /// The noise floor of each channel, as a root mean square over the samples of all logs.
     pub fn floors(&self) -> Vec<NoiseFloor> {
+        self.floors_in(self.problem.logs())
+    }
+
+    /// The same in logs whose floors are those of a fitted model.
+    pub(crate) fn floors_in(&self, logs: &[RecordedLog]) -> Vec<NoiseFloor> {
         let mut channels: IndexMap<&str, Vec<&MeasuredChannel>> = IndexMap::new();
-        for channel in self.problem.logs().iter().flat_map(|log| &log.channels) {
+        for channel in logs.iter().flat_map(|log| &log.channels) {
             channels.entry(&channel.name).or_default().push(channel);
         }
         channels.values().map(|of| self.floor(of)).collect()

@@ -88,6 +88,7 @@ impl ResidualModel for IdentificationProblem {
             Derivation::WithInitialState(moved) => self.with_initial_states(moved),
             Derivation::InWindows => self.in_windows()?,
             Derivation::WithoutGlitchesAt(u) => self.without_glitches_at(u)?,
+            Derivation::WithTorqueFloorsAt(u) => self.with_torque_floors_at(u)?,
         };
         Some(Box::new(derived))
     }

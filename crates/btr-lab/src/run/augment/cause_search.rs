@@ -157,6 +157,7 @@ impl<'a> CauseSearch<'a> {
             delta_bic: ExplanationCost::of(before).whole - cost.whole,
             parameters: Vec::new(),
             close: Vec::new(),
+            is_granted: false,
             candidate: 0,
         })
     }

@@ -22,6 +22,10 @@ impl Effect for ViscousFriction {
         &SPEC
     }
 
+    fn is_usual(&self) -> bool {
+        true
+    }
+
     fn torque_law(&self) -> TorqueLaw {
         TorqueLaw::Proportional
     }

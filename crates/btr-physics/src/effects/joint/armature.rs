@@ -23,6 +23,10 @@ impl Effect for Armature {
         &SPEC
     }
 
+    fn is_usual(&self) -> bool {
+        true
+    }
+
     fn torque_law(&self) -> TorqueLaw {
         TorqueLaw::Proportional
     }

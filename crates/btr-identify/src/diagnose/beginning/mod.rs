@@ -1,5 +1,7 @@
 //! How a diagnosis begins, and a fit of effects that are known to act: each from where a diagnosis would begin it.
 
+mod usual;
+
 use super::evidence::MeanSquares;
 use super::report::{DiagnoseOptions, MissingEffect, SecondLooks};
 use super::round::rivals;
@@ -7,6 +9,7 @@ use super::state::{DiagnosisState, Tried};
 use crate::LadderStep;
 use crate::fit::{FitPoint, Objective, SearchBudget};
 use btr_core::world::{Cancelled, WorldError};
+pub(super) use usual::{GrantedTest, take_for_granted};
 
 /// Fits the model's free parameters without any effect.
 pub(super) fn begin(objective: &mut Objective, on_step: &dyn Fn(&LadderStep)) -> Result<DiagnosisState, WorldError> {
@@ -71,7 +74,7 @@ pub fn with_effects(objective: &mut Objective, effects: &[usize], start: &[f64])
 pub(super) fn with_one_found(objective: &mut Objective, candidate: usize, u: &[f64]) -> DiagnosisState {
     let mut state = begin(objective, &|_| ()).unwrap();
     let effect = &objective.candidates()[candidate];
-    let active = super::screen::with(&state.fit, effect);
+    let active = crate::diagnose::screen::with(&state.fit, effect);
     state.chosen.push(MissingEffect::of(candidate, effect, 1.0, 0.0));
     state.fit = FitPoint::at(objective, active, u.to_vec(), &[]).unwrap();
     state.fit.solve(objective, SearchBudget::FULL);

@@ -1,0 +1,162 @@
+//! Arms of whose joints the URDF states nothing: friction and rotors at all of them, beside what else is missing.
+
+use crate::lab::{Lab, named, noise};
+use serde_json::Value;
+use std::fmt::Write;
+
+const JOINTS: [&str; 3] = ["hip", "knee", "ankle"];
+/// Length in m, mass in kg, centre of mass in m along the link, and inertia about it in kg·m².
+const LINKS: [[f64; 4]; 3] = [[0.42, 9.0, 0.19, 0.16], [0.36, 5.0, 0.15, 0.07], [0.2, 1.6, 0.07, 0.008]];
+/// Frequencies of each joint's motion in rad/s.
+const MOTIONS: [[f64; 3]; 3] = [[0.7, 2.1, 3.4], [0.9, 2.4, 4.1], [0.8, 1.9, 3.7]];
+const AMPLITUDES: [f64; 3] = [0.5, 0.3, 0.12];
+const TORQUE_NM: [f64; 3] = [0.5, 0.2, 0.05];
+const ENCODER_RAD: f64 = 1e-5;
+const RATE_HZ: f64 = 200.0;
+const SAMPLES: u32 = 3000;
+
+const MODEL: &str = r#"name = "arm"
+
+[robot]
+urdf = "arm.urdf"
+base = "fixed"
+
+[actuators."*"]
+kind = "prescribed"
+"#;
+
+const LOAD: &str = r#"
+[[effects]]
+effect = "tool_load"
+site = "ankle_link"
+mass = 1.7
+x = 0.14
+y = 0.0
+z = 0.03
+"#;
+
+/// Dry friction in N·m, viscous friction in N·m·s/rad and rotor in kg·m² of each joint; the knee has no rotor.
+const DRIVES: [[f64; 3]; 3] = [[12.0, 9.0, 0.8], [5.5, 3.2, 0.0], [1.4, 0.45, 0.06]];
+
+fn urdf() -> String {
+    let mut text = r#"<robot name="arm"><link name="base"/>"#.to_owned();
+    let (mut parent, mut x) = ("base".to_owned(), 0.0);
+    for (joint, [length, mass, com, inertia]) in JOINTS.iter().zip(LINKS) {
+        let ixx = 0.3 * inertia;
+        write!(
+            text,
+            r#"<link name="{joint}_link"><inertial><origin xyz="{com} 0 0"/><mass value="{mass}"/>
+            <inertia ixx="{ixx}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+            <joint name="{joint}" type="revolute"><parent link="{parent}"/><child link="{joint}_link"/>
+            <origin xyz="{x} 0 0"/><axis xyz="0 1 0"/>
+            <limit lower="-3.1" upper="3.1" effort="300" velocity="8"/></joint>"#
+        )
+        .unwrap();
+        (parent, x) = (format!("{joint}_link"), length);
+    }
+    text + "</robot>\n"
+}
+
+/// A joint's position, velocity and acceleration at a time of a log that has a phase.
+fn swing(joint: usize, t: f64, phase: f64) -> [f64; 3] {
+    let mut motion = [[-0.7, 0.9, 0.3][joint], 0.0, 0.0];
+    for (k, (w, amplitude)) in MOTIONS[joint].into_iter().zip(AMPLITUDES).enumerate() {
+        let (sin, cos) = (w * t + phase * (1.0 + k as f64) + joint as f64).sin_cos();
+        motion[0] += amplitude * sin;
+        motion[1] += amplitude * w * cos;
+        motion[2] -= amplitude * w * w * sin;
+    }
+    motion
+}
+
+/// A lab with two logs of an arm with these drives and, in model language, what else its URDF lacks.
+fn planted(drives: [[f64; 3]; 3], more: &str) -> Lab {
+    let lab = Lab::new();
+    lab.write("arm.urdf", &urdf());
+    lab.write("arm.toml", MODEL);
+    lab.write("links.toml", &format!("{MODEL}{more}"));
+    for (name, phase) in [("learn", 0.4), ("held_out", 2.9)] {
+        write_log(&lab, name, phase, drives);
+    }
+    lab
+}
+
+/// A log of what the links require, and on top what the drives take, with noise. Simulated torques are smoothed, and
+/// friction's steps are not.
+fn write_log(lab: &Lab, name: &str, phase: f64, drives: [[f64; 3]; 3]) {
+    let mut motion = "t,q_hip,q_knee,q_ankle\n".to_owned();
+    for t in (0..SAMPLES).map(|i| f64::from(i) / RATE_HZ) {
+        let [hip, knee, ankle] = [0, 1, 2].map(|joint| swing(joint, t, phase)[0]);
+        writeln!(motion, "{t},{hip},{knee},{ankle}").unwrap();
+    }
+    lab.write("motion.csv", &motion);
+    lab.ok("simulate links.toml --log motion.csv -q --overwrite -o torque.csv");
+    let required = lab.read("torque.csv");
+    let header: Vec<&str> = required.lines().next().unwrap().split(',').collect();
+    let columns = JOINTS.map(|joint| header.iter().position(|h| *h == format!("tau_{joint}")).unwrap());
+    let mut log = "t,q_hip,q_knee,q_ankle,tau_hip,tau_knee,tau_ankle\n".to_owned();
+    for (i, line) in (0..SAMPLES).zip(required.lines().skip(1)) {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap_or(f64::NAN)).collect();
+        let t = f64::from(i) / RATE_HZ;
+        let noise = |k: usize, sigma: f64| sigma * noise(i, phase + 3.0 * k as f64);
+        let motions = [0, 1, 2].map(|joint| swing(joint, t, phase));
+        write!(log, "{t}").unwrap();
+        (0..3).for_each(|j| write!(log, ",{}", motions[j][0] + noise(j, ENCODER_RAD)).unwrap());
+        for (j, ([_, dq, ddq], [dry, viscous, rotor])) in motions.into_iter().zip(drives).enumerate() {
+            let drive = dry * dq.signum() + viscous * dq + rotor * ddq;
+            write!(log, ",{}", cells[columns[j]] + drive + noise(3 + j, TORQUE_NM[j])).unwrap();
+        }
+        log.push('\n');
+    }
+    lab.write(&format!("{name}.csv"), &log);
+}
+
+fn diagnosis(lab: &Lab) -> Value {
+    lab.json("diagnose arm.toml learn.csv --held-out held_out.csv -q")
+}
+
+/// Names of the frictions and rotors of some drives.
+fn of_drives(drives: [[f64; 3]; 3]) -> Vec<String> {
+    let mut names = Vec::new();
+    for (k, law) in ["coulomb_friction", "viscous_friction", "armature"].iter().enumerate() {
+        let has = |joint: &usize| drives[*joint][k] > 0.0;
+        names.extend((0..3).filter(has).map(|joint| format!("{law}@{}", JOINTS[joint])));
+    }
+    names.sort();
+    names
+}
+
+/// One after the other, a load that only bends the arm takes the place of friction, and friction that of a load.
+#[test]
+fn a_load_is_found_beside_friction_and_rotors_of_all_joints() {
+    let lab = planted(DRIVES, LOAD);
+    let answer = diagnosis(&lab);
+    let mut truth = of_drives(DRIVES);
+    truth.push("tool_load@ankle_link".to_owned());
+    truth.sort();
+    assert_eq!(named(&answer), truth, "{answer}");
+    let effects = answer["effects"].as_array().unwrap().iter();
+    let parameters: Vec<&Value> = effects.flat_map(|effect| effect["parameters"].as_array().unwrap()).collect();
+    let value = |name: &str| parameters.iter().find(|p| p["name"] == name).unwrap()["value"].as_f64().unwrap();
+    assert!((value("tool_load.mass@ankle_link") / 1.7 - 1.0).abs() < 0.02, "{answer}");
+    assert!((value("tool_load.x@ankle_link") - 0.14).abs() < 0.005, "{answer}");
+    assert!((value("armature.inertia@ankle") / 0.06 - 1.0).abs() < 0.05, "{answer}");
+    let steps: Vec<&str> =
+        answer["error_ladder"].as_array().unwrap().iter().map(|s| s["step"].as_str().unwrap()).collect();
+    assert_eq!(steps[1], "+ tool_load@ankle_link", "what the links lack is told first: {steps:?}");
+    // Nothing but the motion turns with the first joint: its rotor cannot be told from its link's inertia.
+    let alike = |effect: &&Value| !effect["alike"].as_array().unwrap().is_empty();
+    let doubtful: Vec<Value> =
+        answer["effects"].as_array().unwrap().iter().filter(alike).map(|e| e["site"].clone()).collect();
+    assert_eq!(doubtful, ["hip"], "{answer}");
+}
+
+/// What is taken for granted at first is not named where the logs do not need it.
+#[test]
+fn friction_that_is_not_there_is_not_named() {
+    let lab = planted([[0.0; 3]; 3], LOAD);
+    assert_eq!(named(&diagnosis(&lab)), ["tool_load@ankle_link"]);
+    let only_dry = [[12.0, 0.0, 0.0], [0.0; 3], [0.0, 0.45, 0.0]];
+    let lab = planted(only_dry, "");
+    assert_eq!(named(&diagnosis(&lab)), of_drives(only_dry));
+}
