@@ -106,12 +106,15 @@ impl MotionNoise {
             let replay = Some(Arc::new(Replay::new(log, &model.robot)));
             simulate(&Scenario { replay, duration_s: log.duration_s(), ..scenario.clone() })
         };
-        let [once, twice] = &self.logs;
-        let (once, twice) = (required(once)?, required(twice)?);
+        let [log, noisier] = &self.logs;
+        let (once, twice) = (required(log)?, required(noisier)?);
         let deviation = |joint: &Joint| {
             let name = joint.compared();
             let pairs = once.channel(&name)?.values.iter().zip(&twice.channel(&name)?.values);
-            Some((name, deviation(&pairs.map(|(a, b)| b - a).collect::<Vec<f64>>())?))
+            // What is not compared does not count: of a joint that stands, noise makes friction that changes its sign.
+            let measured = &log.channel(&name)?.values;
+            let compared = pairs.zip(measured).filter(|(_, measured)| measured.is_finite());
+            Some((name, deviation(&compared.map(|((a, b), _)| b - a).collect::<Vec<f64>>())?))
         };
         Ok(model.robot.prescribed().filter_map(deviation).collect())
     }
