@@ -63,9 +63,9 @@ pub fn diagnose(
     if objective.model.is_cancelled() { Err(Cancelled.into()) } else { Ok(diagnosis) }
 }
 
-/// Begins with the laws that nearly every joint follows, where the motion is prescribed and the held-out logs confirm
-/// them, and with what shows beside all of them: what the links lack, or what couples joints, is hidden by friction that
-/// a model lacks, and takes its place where that is missing.
+/// Begins with the laws that nearly every joint follows, where the motion is prescribed and the training logs show
+/// them, and with what shows beside all of them: friction that a model lacks hides what the links lack, and is taken
+/// for it. Whether the held-out logs confirm these laws is asked at the end.
 fn with_usual_laws(
     objective: &mut Objective,
     question: DiagnoseOptions,
@@ -80,10 +80,10 @@ fn with_usual_laws(
         complete(objective, &mut usual, silent);
         objective.set_stoppable(true);
     }
+    usual.keep_granted(objective, GrantedTest::Shown, 0);
     if objective.is_stopped() {
         return state;
     }
-    usual.keep_granted(objective, GrantedTest::Shown);
     usual.told_after(objective, state, on_step)
 }
 
@@ -95,14 +95,17 @@ fn with_usual_laws_again(
     on_step: &dyn Fn(&LadderStep),
 ) -> DiagnosisState {
     let Some(mut usual) = take_for_granted(objective, question, &state) else { return state };
-    usual.keep_granted(objective, GrantedTest::Finding);
+    usual.keep_granted(objective, GrantedTest::Finding, state.chosen.len());
+    if objective.is_stopped() {
+        return state;
+    }
     usual.told_after(objective, state, on_step)
 }
 
-/// Continues without the glitches that show beside the fitted model, with its noise floors, and with starts from it,
-/// for at most `restarts_left` times. Without contact, such starts are accepted if nothing else is left to explain, or if they
-/// explain most of it and the held-out logs do not contradict that: a model that lacks something prefers starts that
-/// compensate for it.
+/// Continues without the glitches that show beside the fitted model; and with its noise floors, or with starts from it,
+/// for at most `restarts_left` times. Without contact, such starts are accepted if nothing else is left to explain, or
+/// if they explain most of it and the held-out logs do not contradict that: a model that lacks something prefers starts
+/// that compensate for it.
 fn go_on_with_new_starts(
     objective: &mut Objective,
     question: DiagnoseOptions,
@@ -118,10 +121,12 @@ fn go_on_with_new_starts(
         state.continue_with(&mut again, LEFT_OUT, on_step);
         return go_on_with_new_starts(&mut again, question, state, on_step, restarts_left);
     }
-    if let Some(other) = (!is_explained).then(|| with_torque_floors(objective, &state.fit)).flatten() {
+    let asks_floors = !is_explained && restarts_left > 0;
+    if let Some(other) = asks_floors.then(|| with_torque_floors(objective, &state.fit)).flatten() {
         let mut again = objective.going_on(other.as_ref(), &state.fit.u);
         state.continue_with(&mut again, NEW_FLOORS, on_step);
-        return go_on_with_new_starts(&mut again, question, state, on_step, restarts_left);
+        state.renew_first_errors(&again);
+        return go_on_with_new_starts(&mut again, question, state, on_step, restarts_left - 1);
     }
     if restarts_left == 0 || is_explained || objective.is_stopped() {
         return go_on(objective, question, state, on_step);
@@ -184,6 +189,7 @@ fn go_on(
     }
     let cut_short = end == RoundEnd::CutShort || is_refused || objective.is_stopped();
     compare_findings(objective, question, &mut state, cut_short, on_step);
+    let cut_short = cut_short || objective.is_stopped();
     Diagnosis { cut_short, ..conclude(objective, question, state) }
 }
 
@@ -259,14 +265,16 @@ fn compare_findings(
     on_step: &dyn Fn(&LadderStep),
 ) {
     if objective.description.is_decoupled && !objective.is_stopped() {
-        state.keep_granted(objective, GrantedTest::Finding);
+        state.keep_granted(objective, GrantedTest::Finding, 0);
         state.drop_needless(objective);
         state.split(objective, |_, _| true, on_step);
+        state.join(objective, on_step);
     }
     if !cut_short && !objective.description.has_contact {
         state.one_for_two(objective, on_step);
         state.compare_again(objective, on_step);
     }
+    state.share_uncompared(objective);
     if !objective.is_stopped() {
         state.tell_apart(objective);
     }

@@ -1,9 +1,10 @@
 //! Second looks at the logs, beside a fitted model.
 //!
-//! Glitches show there that the error of the model as it stands has hidden. And the noise of a motion becomes the more
-//! torque the more inertia a model has: one that lacks rotors and loads has noise floors that no model reaches.
+//! The more inertia a model has, the more torque the noise of the motion becomes: a model that lacks rotors and loads
+//! has noise floors that no model reaches.
 //!
-//! The criteria are the same as beside the model as it stands: single short departures, far above what the errors of
+//! Glitches show beside a fitted model that the error of the model as it stands has hidden. The criteria are the same
+//! as beside the latter: single short departures, far above what the errors of
 //! their neighbours allow. An effect that is missing bends the error over many samples, and is not explained away. What
 //! is found counts only where the model explains nearly all of the rest.
 
@@ -16,6 +17,8 @@ use crate::residual_model::{Derivation, ResidualModel};
 /// The steps of the ladder that follow.
 pub(crate) const LEFT_OUT: &str = "glitches left out";
 pub(crate) const NEW_FLOORS: &str = "noise floors of this model";
+/// How many logs are simulated for noise floors: with and without noise, at the model's values and at the fit.
+const FLOOR_ROLLOUTS: usize = 4;
 /// Largest error beside what is left out, in largest errors that count as noise: at fast onsets on a slow clock, the
 /// error of a wrong model is as short as a glitch.
 const NEARLY: f64 = 2.0;
@@ -38,6 +41,9 @@ pub(crate) fn without_glitches(objective: &Objective, fit: &FitPoint) -> Option<
 
 /// The model with the noise floors of torques at a fit; `None` where they stay about the same.
 pub(crate) fn with_torque_floors(objective: &Objective, fit: &FitPoint) -> Option<Box<dyn ResidualModel>> {
-    let is_asked = objective.description.is_decoupled && !objective.is_stopped();
-    is_asked.then(|| objective.model.derive(&Derivation::WithTorqueFloorsAt(fit.u.clone()))).flatten()
+    if !objective.description.is_decoupled || objective.is_stopped() {
+        return None;
+    }
+    objective.add_rollouts(FLOOR_ROLLOUTS);
+    objective.model.derive(&Derivation::WithTorqueFloorsAt(fit.u.clone()))
 }

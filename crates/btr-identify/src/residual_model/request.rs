@@ -50,7 +50,7 @@ pub enum Derivation {
     /// The readings that depart from the model's motion at these coordinates as no error of a model does are left out.
     /// Not available where there are none, nor where glitches are kept.
     WithoutGlitchesAt(Vec<f64>),
-    /// The noise floors of torques that a prescribed motion requires are taken from the model at these coordinates: the
+    /// The noise floors of torques that a prescribed motion requires are taken from the model at these coordinates. The
     /// more inertia it has, the more torque the noise of the motion becomes. Not available where that changes next to
     /// nothing, nor for other motions.
     WithTorqueFloorsAt(Vec<f64>),

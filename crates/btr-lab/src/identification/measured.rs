@@ -70,7 +70,8 @@ impl IdentificationProblem {
     pub(super) fn lower_floors(&mut self, u: &[f64]) -> Result<(), WorldError> {
         let noise = &self.model.setup.noise;
         let known = compared(&self.model).all(|name| noise.states_white(&name));
-        if known || self.model.robot.base == Base::Floating {
+        // Floors of the torques of a prescribed motion are not estimated from readings.
+        if known || self.model.robot.base == Base::Floating || self.model.robot.is_prescribed() {
             return Ok(());
         }
         let scenarios = (0..self.recorded.len()).into_par_iter();

@@ -20,6 +20,8 @@ use std::sync::Arc;
 
 /// Most samples of a log from which noise is estimated.
 const ENOUGH: usize = 20_000;
+/// Smallest noise that counts as shown, as a share of the least that is assumed of a sensor.
+const VISIBLE: f64 = 0.05;
 /// Samples of a stretch in which the robot feels about the same inertia, ...
 const STRETCH: usize = 64;
 /// ... and largest change of a torque there, in standard deviations: where noise changes the sign of a slow motion,
@@ -80,12 +82,13 @@ impl MotionNoise {
         let mut twice = once.clone();
         for (k, joint) in model.robot.prescribed().enumerate() {
             let name = format!("q_{}", joint.name);
-            if let Some(values) = twice.values_mut(&name)
-                && let Some(sigma) = model.setup.noise.floor(&name, values)
-            {
-                // What is stated is the noise of a recorded sample.
-                let of = if model.setup.noise.stated(&name).is_some() { means_of } else { 1 };
-                let sigma = sigma / (of as f64).sqrt();
+            let Some(values) = twice.values_mut(&name) else { continue };
+            // What is stated is the noise of a recorded sample.
+            let sigma = match model.setup.noise.stated(&name) {
+                Some(_) => model.setup.noise.floor(&name, values).map(|stated| stated / (means_of as f64).sqrt()),
+                None => shown(values),
+            };
+            if let Some(sigma) = sigma {
                 add_noise(values, sigma, 0.0, &mut stream(0, &[k as u64]));
             }
         }
@@ -113,11 +116,22 @@ impl MotionNoise {
             let pairs = once.channel(&name)?.values.iter().zip(&twice.channel(&name)?.values);
             // What is not compared does not count: of a joint that stands, noise makes friction that changes its sign.
             let measured = &log.channel(&name)?.values;
-            let compared = pairs.zip(measured).filter(|(_, measured)| measured.is_finite());
-            Some((name, deviation(&compared.map(|((a, b), _)| b - a).collect::<Vec<f64>>())?))
+            let all: Vec<(f64, bool)> = pairs.zip(measured).map(|((a, b), c)| (b - a, c.is_finite())).collect();
+            let compared: Vec<f64> = all.iter().filter(|(_, is_compared)| *is_compared).map(|(by, _)| *by).collect();
+            // A joint of which this log holds no torque may have some in another one.
+            let of_all = || deviation(&all.iter().map(|(by, _)| *by).collect::<Vec<f64>>());
+            Some((name, deviation(&compared).or_else(of_all)?))
         };
         Ok(model.robot.prescribed().filter_map(deviation).collect())
     }
+}
+
+/// The noise that readings show, or, where they show none, that which is assumed of them: differentiated twice, even
+/// the finest encoder's noise is the larger part of a torque's.
+fn shown(readings: &[f64]) -> Option<f64> {
+    let estimate = NoiseEstimate::of(readings)?;
+    let shown = estimate.white.hypot(estimate.quantum / 12.0_f64.sqrt());
+    Some(if shown > VISIBLE * estimate.floor() { shown } else { estimate.floor() })
 }
 
 /// Root mean square of changes, whose size follows the robot's posture, without what is large beside its neighbours.
@@ -159,5 +173,15 @@ mod tests {
         changes.iter_mut().skip(50).step_by(150).for_each(|change| *change = 500.0);
         assert!((deviation(&changes).unwrap() / truth - 1.0).abs() < 0.15);
         assert_eq!(deviation(&[f64::NAN]), None);
+    }
+
+    #[test]
+    fn noise_of_fine_encoders_counts_as_it_is_and_none_is_as_little_as_is_assumed() {
+        let mut rng = stream(3, &[]);
+        let motion: Vec<f64> = (0..4000).map(|i| (0.01 * f64::from(i)).sin()).collect();
+        let mut fine = motion.clone();
+        fine.iter_mut().for_each(|q| *q += 2e-6 * ((0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0));
+        assert!((shown(&fine).unwrap() / 2e-6 - 1.0).abs() < 0.1);
+        assert_eq!(shown(&motion), NoiseEstimate::of(&motion).map(|estimate| estimate.floor()));
     }
 }

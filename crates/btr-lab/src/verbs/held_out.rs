@@ -39,7 +39,8 @@ impl VerbInput {
     }
 
     /// Errors of the residual model at point `u` on the held-out logs, in the channels that fits and diagnoses compare,
-    /// simulated in a fit's time step, in multiples of these noise floors. Initial states are those of the logs; nothing is projected out.
+    /// simulated in a fit's time step, in multiples of these noise floors. Initial states are those of the logs;
+    /// nothing is projected out.
     ///
     /// # Errors
     /// A simulation that diverged.

@@ -5,6 +5,8 @@ use std::f64::consts::PI;
 
 /// How many samples on either side a torque is interpolated from.
 const REACH: usize = 5;
+/// Largest share by which their intervals may differ.
+const UNEVEN: f64 = 0.1;
 
 /// Replaces each sample of all measured channels by its value at the given increasing times, as [`resample`] does.
 pub(super) fn resample_measured(log: &mut Log, taken_s: &[f64]) {
@@ -17,10 +19,9 @@ pub(super) fn resample_measured(log: &mut Log, taken_s: &[f64]) {
 
 /// Replaces each sample of a channel by its value at the given increasing times; the channel is held beyond its ends. A
 /// torque is interpolated with all frequencies that its samples hold: a mean of two neighbours would smooth its noise,
-/// and any shift would seem to explain something. A
-/// position is interpolated with its velocity where the log has one: linear interpolation is off by an eighth of the
-/// acceleration times the squared sample time. Beyond the ends it goes on at its first and last velocities, since a log
-/// may begin and end while the robot moves.
+/// and any shift would seem to explain something. A position is interpolated with its velocity where the log has one:
+/// linear interpolation is off by an eighth of the acceleration times the squared sample time. Beyond the ends it goes
+/// on at its first and last velocities, since a log may begin and end while the robot moves.
 pub(super) fn resample(log: &mut Log, channel: &str, taken_s: &[f64]) {
     let Ok(values) = log.values(channel) else { return };
     let rates = channel.strip_prefix("q_").and_then(|joint| log.values(&format!("dq_{joint}")).ok());
@@ -43,7 +44,8 @@ pub(super) fn resample(log: &mut Log, channel: &str, taken_s: &[f64]) {
     }
 }
 
-/// Values at the given increasing times by Lanczos' windowed sinc; near the ends and beside what is missing, linearly.
+/// Values at the given increasing times by Lanczos' windowed sinc; near the ends, where the clock is uneven, and
+/// beside what is missing, linearly.
 fn in_band(clock_s: &[f64], values: &[f64], taken_s: &[f64]) -> Vec<f64> {
     let lines = interpolate(clock_s, values, taken_s);
     let at = |(t, line): (&f64, f64)| {
@@ -53,6 +55,10 @@ fn in_band(clock_s: &[f64], values: &[f64], taken_s: &[f64]) -> Vec<f64> {
         let Some(nearby) = nearby.filter(|nearby| nearby.iter().all(|value| value.is_finite())) else { return line };
         let (before_s, after_s) = (clock_s[after - 1], clock_s[after]);
         let share = (t - before_s) / (after_s - before_s);
+        let is_even = |pair: &[f64]| ((pair[1] - pair[0]) / (after_s - before_s) - 1.0).abs() < UNEVEN;
+        if !clock_s[after - REACH..after + REACH].windows(2).all(is_even) {
+            return line;
+        }
         let weights = (0..2 * REACH).map(|k| lanczos(share + (REACH - 1) as f64 - k as f64));
         let (mut sum, mut total) = (0.0, 0.0);
         for (weight, value) in weights.zip(nearby) {
@@ -102,12 +108,18 @@ mod tests {
         let clock_s = clock(200);
         let wave = |t: f64| (40.0 * t).sin();
         let values: Vec<f64> = clock_s.iter().map(|t| wave(*t)).collect();
-        assert_eq!(in_band(&clock_s, &values, &clock_s), values);
+        let same = in_band(&clock_s, &values, &clock_s);
+        assert!(same.iter().zip(&values).all(|(a, b)| (a - b).abs() < 1e-12));
         let taken_s: Vec<f64> = clock_s[..190].iter().map(|t| t + 0.003).collect();
         let shifted = in_band(&clock_s, &values, &taken_s);
         for (x, t) in shifted.iter().zip(&taken_s).skip(REACH) {
             assert!((x - wave(*t)).abs() < 2e-3, "{x} at {t}");
         }
+        let mut uneven = clock_s.clone();
+        uneven.remove(100);
+        let fewer: Vec<f64> = uneven.iter().map(|t| wave(*t)).collect();
+        let between = in_band(&uneven, &fewer, &[1.005])[0];
+        assert!((between - 0.5 * (wave(0.99) + wave(1.01))).abs() < 0.2 * wave(1.0).abs(), "{between}");
         // What is missing does not spread beyond its neighbours.
         let mut gap = values;
         gap[100] = f64::NAN;

@@ -15,7 +15,7 @@ use crate::fit::{FitPoint, Objective, SearchBudget};
 
 /// What something that was taken for granted has to pass.
 #[derive(Clone, Copy, PartialEq)]
-pub(in crate::diagnose) enum GrantedTest {
+pub(crate) enum GrantedTest {
     /// The training logs show it for certain.
     Shown,
     /// All tests of a finding: something else may still be missing that hid it before.
@@ -24,7 +24,7 @@ pub(in crate::diagnose) enum GrantedTest {
 
 /// The state with the usual laws at all joints, those that are new as findings that are taken for granted; `None` where
 /// the motion is not prescribed, nothing is left to explain, or fewer effects may be named.
-pub(in crate::diagnose) fn take_for_granted(
+pub(crate) fn take_for_granted(
     objective: &mut Objective,
     question: DiagnoseOptions,
     state: &DiagnosisState,
@@ -32,7 +32,8 @@ pub(in crate::diagnose) fn take_for_granted(
     let candidates = objective.candidates();
     let is_usual = |&c: &usize| candidates[c].is_usual && own::is_apart(objective, c);
     let usual: Vec<usize> = state.offered(objective).into_iter().filter(is_usual).collect();
-    let is_asked = !usual.is_empty() && state.effects(objective) + usual.len() <= question.max_effects;
+    // There has to be room for what shows beside them.
+    let is_asked = !usual.is_empty() && state.effects(objective) + usual.len() < question.max_effects;
     if !is_asked || !state.leaves_something(objective, &state.fit) {
         return None;
     }
@@ -65,14 +66,14 @@ fn first_of_each_joint(objective: &Objective, candidates: &[usize]) -> Vec<usize
 }
 
 impl DiagnosisState {
-    /// Drops those of what was taken for granted, the weakest of each joint first, that do not pass a test beside all
-    /// others, and weighs the rest.
-    pub(in crate::diagnose) fn keep_granted(&mut self, objective: &Objective, test: GrantedTest) {
+    /// Drops those of what was taken for granted, from the finding `first` on, that do not pass a test beside all
+    /// others, the weakest of each joint first, and weighs the rest.
+    pub(crate) fn keep_granted(&mut self, objective: &Objective, test: GrantedTest, first: usize) {
         let granted = |state: &Self| -> Vec<usize> {
-            state.chosen.iter().filter(|found| found.is_granted).map(|found| found.candidate).collect()
+            state.chosen[first..].iter().filter(|found| found.is_granted).map(|found| found.candidate).collect()
         };
         for at_joint in first_of_each_joint(objective, &granted(self)) {
-            while let Some((index, without)) = self.weakest(objective, at_joint, test) {
+            while let Some((index, without)) = self.weakest(objective, at_joint, (test, first)) {
                 self.drop_with(objective, index, without);
             }
         }
@@ -85,11 +86,17 @@ impl DiagnosisState {
     }
 
     /// What gains least of that which was taken for granted at a joint and does not pass, with the fit without it.
-    fn weakest(&self, objective: &Objective, at_joint: usize, test: GrantedTest) -> Option<(usize, FitPoint)> {
+    fn weakest(
+        &self,
+        objective: &Objective,
+        at_joint: usize,
+        (test, first): (GrantedTest, usize),
+    ) -> Option<(usize, FitPoint)> {
         let measure = ComparisonMeasure::of(objective, &self.fit);
         let is_asked = |&index: &usize| {
             let found = &self.chosen[index];
-            found.is_granted && own::are_together(objective, found.candidate, at_joint)
+            let at_joint = own::are_together(objective, found.candidate, at_joint);
+            found.is_granted && at_joint && !self.has_companions(objective, index)
         };
         let without = |index: usize| {
             let mut fit = self.less(objective, &[index])?;
@@ -97,7 +104,7 @@ impl DiagnosisState {
             let gains = measure.behind(&fit, &self.fit);
             Some((index, gains, fit))
         };
-        let all = (0..self.chosen.len()).filter(is_asked).filter_map(without);
+        let all = (first..self.chosen.len()).filter(is_asked).filter_map(without);
         let fails = |(index, gains, fit): &(usize, f64, FitPoint)| {
             *gains <= DECISIVE || test == GrantedTest::Finding && !self.needs(objective, *index, fit)
         };
@@ -118,7 +125,7 @@ impl DiagnosisState {
 
     /// The state with the ladder that leads here from an earlier one, told step by step: first what shows in all
     /// channels, then what gains most. Where nothing was found since, the earlier one.
-    pub(in crate::diagnose) fn told_after(
+    pub(crate) fn told_after(
         mut self,
         objective: &Objective,
         earlier: DiagnosisState,
@@ -144,7 +151,11 @@ impl DiagnosisState {
             told.fit = added.fit;
             told.record(objective, objective.candidates()[found.candidate].step(), on_step);
         }
+        // Beside what is new, other things may show at its joints.
+        new.iter().for_each(|found| told.ask_again_at(objective, found.candidate));
         all.extend(new);
-        DiagnosisState { chosen: all, ladder: told.ladder, held_out: told.held_out, ..self }
+        let DiagnosisState { ladder, held_out, settled, .. } = told;
+        let (unconfirmed, left_over, rivals) = (None, None, Vec::new());
+        DiagnosisState { chosen: all, ladder, held_out, settled, unconfirmed, left_over, rivals, ..self }
     }
 }

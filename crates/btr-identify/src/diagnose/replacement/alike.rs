@@ -37,6 +37,19 @@ impl DiagnosisState {
                 objective.set_stoppable(true);
             }
             self.declare_alike(objective, index, &rivals);
+            self.chosen[index].is_granted = false;
+        }
+    }
+
+    /// What was taken for granted and not compared with similar effects any more cannot be told from them.
+    pub(in crate::diagnose) fn share_uncompared(&mut self, objective: &Objective) {
+        let candidates = objective.candidates();
+        let chosen: Vec<usize> = self.chosen.iter().map(|found| found.candidate).collect();
+        for found in self.chosen.iter_mut().filter(|found| found.is_granted) {
+            let others =
+                found.close.iter().filter(|other| !chosen.contains(other)).map(|&other| candidates[other].name());
+            let new = others.filter(|name| !found.alike.contains(name)).map(|name| (name, 1.0)).collect();
+            found.share_with(new);
         }
     }
 

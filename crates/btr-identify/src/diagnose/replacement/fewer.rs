@@ -51,7 +51,8 @@ impl DiagnosisState {
         let tried: Vec<usize> = found.close.iter().copied().filter(is_tried).collect();
         let needed = [earlier, later].iter().any(|&index| self.has_further_instances(objective, index));
         // What joints usually have is no part of a cause that shows in all channels.
-        if tried.is_empty() || needed || found.is_granted || !self.may_depend_on(objective, earlier, later) {
+        let usual = [earlier, later].iter().any(|&index| self.chosen[index].is_granted);
+        if tried.is_empty() || needed || usual || !self.may_depend_on(objective, earlier, later) {
             return None;
         }
         let mut rival = self.replaced(objective, &[earlier, later], &tried)?;

@@ -1,13 +1,14 @@
-//! A law that contains two simpler ones, in their place: friction with four constants where Coulomb's and viscous
-//! friction will do.
+//! A law that contains two simpler ones, and these in its place: friction with four constants where Coulomb's and
+//! viscous friction will do, and where they will not.
 
 use crate::LadderStep;
 use crate::diagnose::evidence::LogErrors;
 use crate::diagnose::own;
+use crate::diagnose::refit::Rival;
 use crate::diagnose::report::{Evidence, MissingEffect};
 use crate::diagnose::screen::with;
-use crate::diagnose::state::DiagnosisState;
-use crate::diagnose::thresholds::{LEARNT_FALL, TIE};
+use crate::diagnose::state::{DiagnosisState, earns_its_parameters};
+use crate::diagnose::thresholds::{DECISIVE, LEARNT_FALL, TIE};
 use crate::fit::measure::ComparisonMeasure;
 use crate::fit::{FitPoint, LogSet, Objective, SearchBudget};
 
@@ -62,6 +63,46 @@ impl DiagnosisState {
         let learnt = |fit: &FitPoint| own::learnt(objective, candidate, fit);
         let hardly = learnt(&self.fit) >= (1.0 - LEARNT_FALL) * learnt(&parts.fit);
         (ties || hardly) && self.is_borne_out(objective, candidate, &parts.fit)
+    }
+
+    /// Replaces laws that were taken for granted by one that contains several of them, where that explains clearly more
+    /// even of an error that counts as noise: what runs differ by may hide what they have in common.
+    pub(in crate::diagnose) fn join(&mut self, objective: &Objective, on_step: &dyn Fn(&LadderStep)) {
+        let candidates = objective.candidates();
+        for (whole, candidate) in candidates.iter().enumerate() {
+            let is_part = |index: &usize| {
+                let found = &self.chosen[*index];
+                found.is_granted && candidate.nested.contains(&found.candidate)
+            };
+            let parts: Vec<usize> = (0..self.chosen.len()).filter(is_part).collect();
+            if parts.len() < 2 || self.is_chosen(whole) {
+                continue;
+            }
+            let Some(rival) = self.replaced(objective, &parts, &[whole]) else { continue };
+            let measure = ComparisonMeasure::of(objective, &rival.fit);
+            let gained = measure.behind(&self.fit, &rival.fit);
+            if gained > DECISIVE && earns_its_parameters(objective, whole, &rival.fit, &self.fit) {
+                self.accept_whole(objective, &parts, (rival, gained), on_step);
+            }
+        }
+    }
+
+    /// Puts a law in the place of its parts.
+    fn accept_whole(
+        &mut self,
+        objective: &Objective,
+        parts: &[usize],
+        (rival, gained): (Rival, f64),
+        on_step: &dyn Fn(&LadderStep),
+    ) {
+        let whole = &objective.candidates()[rival.candidate];
+        let name = |&index: &usize| format!("{}@{}", self.chosen[index].effect, self.chosen[index].site);
+        let step = format!("{} for {}", whole.name(), parts.iter().map(name).collect::<Vec<_>>().join(" + "));
+        parts.iter().rev().for_each(|&index| drop(self.chosen.remove(index)));
+        self.fit = rival.fit;
+        self.chosen.push(MissingEffect::of(rival.candidate, whole, 1.0 / (1.0 + (-gained / 2.0).exp()), gained));
+        self.record(objective, step, on_step);
+        self.weigh_beside_others(objective, rival.candidate);
     }
 
     /// Puts two candidates, with their fit, in the place of a finding.

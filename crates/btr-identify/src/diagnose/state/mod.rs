@@ -252,7 +252,28 @@ impl DiagnosisState {
         self.fit = fit;
         self.held_out = held_out_squares(objective, &self.fit.u).filter(|_| self.held_out.is_some());
         let gone = self.chosen.remove(index);
+        self.ask_again_at(objective, gone.candidate);
         self.ladder.push(self.step(objective, format!("- {}@{}", gone.effect, gone.site)));
+    }
+
+    /// Lets the joint where a candidate shows be asked again.
+    pub(super) fn ask_again_at(&mut self, objective: &Objective, candidate: usize) {
+        self.settled.retain(|joint| !own::shows_in(objective, candidate, &joint.channels));
+    }
+
+    /// Measures the errors before the first finding once more, as the noise floors are others now.
+    pub(super) fn renew_first_errors(&mut self, objective: &Objective) {
+        if !self.chosen.is_empty() {
+            let held_out = self.held_out.and_then(|_| held_out_squares(objective, &self.bare.u));
+            self.unexplained_at_first = LogErrors::in_all(objective, &self.bare, held_out).mean;
+        }
+    }
+
+    /// Whether another finding only changes how this one acts.
+    pub(super) fn has_companions(&self, objective: &Objective, index: usize) -> bool {
+        let candidate = self.chosen[index].candidate;
+        let needs_it = |needs: &Needs| matches!(needs, Needs::OneOf(others) if others.contains(&candidate));
+        self.chosen.iter().any(|found| needs_it(&objective.candidates()[found.candidate].needs))
     }
 
     /// The state without any finding, at the fit without them.

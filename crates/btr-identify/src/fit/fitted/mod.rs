@@ -125,7 +125,10 @@ fn refine_starts(
 ) -> Result<FitResult, WorldError> {
     let contact = objective.description.has_contact;
     let cleaner = without_glitches(objective, &done.0).map(|cleaner| (cleaner, LEFT_OUT));
-    let look = cleaner.or_else(|| Some((with_torque_floors(objective, &done.0)?, NEW_FLOORS)));
+    let asks_floors = cleaner.is_none() && restarts_left > 0;
+    let floors = asks_floors.then(|| with_torque_floors(objective, &done.0)).flatten();
+    let restarts_left = restarts_left - usize::from(floors.is_some());
+    let look = cleaner.or_else(|| Some((floors?, NEW_FLOORS)));
     if let Some((model, step)) = look {
         let mut again = objective.going_on(model.as_ref(), &done.0.u);
         let mut fit = FitPoint::at(&again, done.0.active.clone(), done.0.u.clone(), &[])?;
