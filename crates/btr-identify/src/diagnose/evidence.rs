@@ -4,7 +4,7 @@ use super::own;
 use super::report::{CapReason, Evidence, MissingEffect, Verdict};
 use super::thresholds::{
     AT_MOST, AT_MOST_AT_ONE_PLACE, AT_MOST_IN_SERIES, AT_MOST_LITTLE, AT_MOST_UNCERTAIN, AT_MOST_UNSTABLE, CLEAN,
-    CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY, NEGLIGIBLE, NOISE, SERIES, STABLE,
+    CONSIDERABLE, EXPLAINED, IN_MOST_LOGS, MOSTLY, NEEDED, NEGLIGIBLE, NOISE, SERIES, STABLE,
 };
 use crate::LadderStep;
 use crate::fit::residual_vector::{ResidualVector, chi, squares};
@@ -120,6 +120,11 @@ fn share(before: f64, after: f64, at_first: f64) -> f64 {
     }
 }
 
+/// The same of the error as it was before.
+fn of_rest(before: f64, after: f64) -> f64 {
+    share(before, after, before)
+}
+
 impl Evidence {
     /// What speaks for a finding that changed the errors from `before`; `at_first` are those before the first
     /// finding.
@@ -135,6 +140,7 @@ impl Evidence {
             leave_one_out_log: None,
             established: false,
             in_own_channel: after.in_own_channel,
+            of_rest: of_rest(before.mean.judged, after.mean.judged).min(of_rest(before.mean.learnt, after.mean.learnt)),
         }
     }
 }
@@ -163,7 +169,9 @@ pub(super) fn weigh(last: &LadderStep, at_first: f64, bound: NoiseBound, finding
         let in_most = evidence.logs_better as f64 >= IN_MOST_LOGS * evidence.logs as f64;
         let stable = evidence.leave_one_out_change.is_none_or(|change| change <= STABLE);
         let is_little = evidence.share.max(evidence.learnt_share) < NEGLIGIBLE && evidence.removed < NOISE;
-        let is_considerable = mostly && evidence.share >= CONSIDERABLE && in_most && stable;
+        // A rotor is a small part of a joint's first error beside friction, and nearly all of what is left without it.
+        let is_needed = evidence.in_own_channel && evidence.of_rest >= NEEDED;
+        let is_considerable = mostly && (evidence.share >= CONSIDERABLE || is_needed) && in_most && stable;
         evidence.established = (explained && !is_little) || is_considerable;
         if is_little {
             found.cap(AT_MOST_LITTLE, CapReason::LittleExplained);
@@ -271,6 +279,21 @@ mod tests {
         let last =
             LadderStep { step: "+ coulomb_friction@elbow".to_owned(), train, held_out: Some(held_out), u: Vec::new() };
         weigh(&last, 10.0 * 10.0, NoiseBound { noise: 1.15, roughly: false }, findings)
+    }
+
+    #[test]
+    fn what_a_joint_needs_is_established_beside_what_explains_far_more() {
+        let with = |of_rest: f64, in_own_channel: bool| {
+            let mut findings = [found(0.98, 5), found(0.02, 5)];
+            findings[1].evidence = Evidence { of_rest, in_own_channel, ..findings[1].evidence };
+            let last = LadderStep { step: String::new(), train: 1.4, held_out: Some(1.4), u: Vec::new() };
+            let bound = NoiseBound { noise: 1.15, roughly: false };
+            let verdict = weigh(&last, 5000.0, bound, &mut findings);
+            (verdict, findings[1].evidence.established)
+        };
+        assert_eq!(with(0.9, true), (Verdict::PartlyExplained, true));
+        assert_eq!(with(0.5, true), (Verdict::PartlyExplained, false));
+        assert_eq!(with(0.9, false), (Verdict::PartlyExplained, false));
     }
 
     #[test]

@@ -118,6 +118,9 @@ pub struct Evidence {
     pub removed: f64,
     /// Whether the share is of the error in the channel of its joint alone, as where the motion is prescribed.
     pub in_own_channel: bool,
+    /// The share of the squared error above the noise, as it was without it, that it explains on training and held-out
+    /// logs alike.
+    pub of_rest: f64,
     /// In how many logs, held-out ones included, the error is smaller with it...
     pub logs_better: usize,
     /// ... and of how many.
@@ -138,6 +141,7 @@ impl Evidence {
         self.share += other.share;
         self.learnt_share += other.learnt_share;
         self.removed += other.removed;
+        self.of_rest = self.of_rest.max(other.of_rest);
     }
 }
 

@@ -28,6 +28,8 @@ pub const NOISE: f64 = 1.0;
 pub const AT_MOST_LITTLE: f64 = 0.9;
 /// Smallest share that a finding explains by itself, while others leave an error, to be established...
 pub const CONSIDERABLE: f64 = 0.05;
+/// ... or, where it shows in its joint's channel alone, smallest share of what would be left there without it, ...
+pub const NEEDED: f64 = 0.8;
 /// ... and smallest share of the logs in which it must lower the error.
 pub const IN_MOST_LOGS: f64 = 0.8;
 /// ... and largest share by which its size may change if one of the training logs is left out.

@@ -211,6 +211,7 @@ mod tests {
         let subject = Subject { input: &input, logs: &logs, held_out: &[] };
         let ladder = [step("model as it stands", &vec![0.0; input.problem.parameters().len()])];
         let stages = Stages::all(&ladder, (&ladder[0].u, TimeStep::USUAL), String::new());
+        let stages = stages.in_floors(&input.floors());
         let (sections, _) = subject.before_and_after(&stages);
         let mut html = String::new();
         sections[0].blocks.iter().for_each(|block| block.write(&mut html));
@@ -229,7 +230,7 @@ mod tests {
             let point = |u: &f64| vec![*u; parameters];
             let ladder: Vec<LadderStep> = ladder.iter().map(|u| step(&format!("to {u}"), &point(u))).collect();
             let last = ladder.last().unwrap().u.clone();
-            let stages = Stages::all(&ladder, (&last, TimeStep::USUAL), String::new());
+            let stages = Stages::all(&ladder, (&last, TimeStep::USUAL), String::new()).in_floors(&input.floors());
             let (sections, player) = subject.before_and_after(&stages);
             assert_eq!(player.is_some(), last[0].is_finite());
             let mut html = String::new();
