@@ -80,11 +80,7 @@ fn with_usual_laws(
         complete(objective, &mut usual, silent);
         objective.set_stoppable(true);
     }
-    usual.keep_granted(objective, GrantedTest::Shown, 0);
-    if objective.is_stopped() {
-        return state;
-    }
-    usual.told_after(objective, state, on_step)
+    with_those_that_pass(objective, state, usual, GrantedTest::Shown, on_step)
 }
 
 /// Tries the usual laws again at the joints that have not got them: what was found since may have hidden them.
@@ -94,12 +90,20 @@ fn with_usual_laws_again(
     state: DiagnosisState,
     on_step: &dyn Fn(&LadderStep),
 ) -> DiagnosisState {
-    let Some(mut usual) = take_for_granted(objective, question, &state) else { return state };
-    usual.keep_granted(objective, GrantedTest::Finding, state.chosen.len());
-    if objective.is_stopped() {
-        return state;
-    }
-    usual.told_after(objective, state, on_step)
+    let Some(usual) = take_for_granted(objective, question, &state) else { return state };
+    with_those_that_pass(objective, state, usual, GrantedTest::Finding, on_step)
+}
+
+/// The state with those of the laws taken for granted that pass a test; a stopped search has tested none.
+fn with_those_that_pass(
+    objective: &Objective,
+    state: DiagnosisState,
+    mut granted: DiagnosisState,
+    test: GrantedTest,
+    on_step: &dyn Fn(&LadderStep),
+) -> DiagnosisState {
+    granted.keep_granted(objective, test, state.chosen.len());
+    if objective.is_stopped() { state } else { granted.told_after(objective, state, on_step) }
 }
 
 /// Continues without the glitches that show beside the fitted model; and with its noise floors, or with starts from it,

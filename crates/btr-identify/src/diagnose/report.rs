@@ -131,7 +131,8 @@ pub struct Evidence {
     /// The index of that log.
     pub leave_one_out_log: Option<usize>,
     /// Whether it is established: what is found explains the error and this is more than a negligible part of it, or it
-    /// explains a considerable share of it in nearly all logs. Otherwise it also helps a little.
+    /// explains a considerable share of it, or of what its joint would be left with, in nearly all logs. Otherwise it
+    /// also helps a little.
     pub established: bool,
 }
 

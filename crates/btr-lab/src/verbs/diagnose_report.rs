@@ -310,7 +310,7 @@ impl DiagnoseReport {
     }
 }
 
-/// Merges findings of one effect at several sites; those that cannot be told from others are told by themselves.
+/// Merges findings of one effect at several sites, those that cannot be told from others apart from the rest.
 pub(super) fn grouped(input: &VerbInput, found: &[MissingEffect]) -> Vec<EffectReport> {
     let mut reports: Vec<EffectReport> = Vec::new();
     for one in found.iter().filter(|one| one.kind == CandidateKind::Effect) {

@@ -74,7 +74,7 @@ pub fn with_effects(objective: &mut Objective, effects: &[usize], start: &[f64])
 pub(super) fn with_one_found(objective: &mut Objective, candidate: usize, u: &[f64]) -> DiagnosisState {
     let mut state = begin(objective, &|_| ()).unwrap();
     let effect = &objective.candidates()[candidate];
-    let active = crate::diagnose::screen::with(&state.fit, effect);
+    let active = super::screen::with(&state.fit, effect);
     state.chosen.push(MissingEffect::of(candidate, effect, 1.0, 0.0));
     state.fit = FitPoint::at(objective, active, u.to_vec(), &[]).unwrap();
     state.fit.solve(objective, SearchBudget::FULL);

@@ -1,13 +1,13 @@
 //! What nearly every joint has, taken for granted: dry and viscous friction and a rotor. Where the motion is
 //! prescribed, they are fitted at all joints at once, for what little it costs, and what else is missing is looked for
-//! beside them. Each then has to stand by itself: what the logs do not need, or the held-out logs do not confirm, goes.
+//! beside them. Each has to pass the tests of a finding at the end: what the logs do not need, or the held-out logs do
+//! not confirm, is dropped.
 
 use crate::LadderStep;
 use crate::diagnose::evidence::LogErrors;
 use crate::diagnose::own;
 use crate::diagnose::refit::{FOLLOWER, Rival};
 use crate::diagnose::report::{DiagnoseOptions, MissingEffect};
-use crate::diagnose::screen::with;
 use crate::diagnose::state::DiagnosisState;
 use crate::diagnose::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL};
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
@@ -39,14 +39,15 @@ pub(crate) fn take_for_granted(
     }
     let granted = |&c: &usize| {
         let size = |candidate: usize| candidates[candidate].parameters().count();
-        // A law with more constants has to be found beside it.
-        let is_told = |other: &usize| candidates[*other].nested.contains(&c) || size(*other) > size(c) + 1;
-        let close = candidates[c].similar.iter().copied().filter(|other| !is_told(other)).collect();
+        // Rounds look for laws that contain it or have many more parameters.
+        let is_larger = |other: &usize| candidates[*other].nested.contains(&c) || size(*other) > size(c) + 1;
+        let close = candidates[c].similar.iter().copied().filter(|other| !is_larger(other)).collect();
         MissingEffect { close, is_granted: true, ..MissingEffect::of(c, &candidates[c], 1.0, 0.0) }
     };
     let chosen = state.chosen.iter().cloned().chain(usual.iter().map(granted)).collect();
-    let active = usual.iter().fold(state.fit.clone(), |fit, &c| FitPoint { active: with(&fit, &candidates[c]), ..fit });
-    let mut fit = FitPoint::at(objective, active.active, state.fit.u.clone(), &state.fit.step_error).ok()?;
+    let added = usual.iter().flat_map(|&c| candidates[c].parameters());
+    let active = state.fit.active.iter().copied().chain(added).collect();
+    let mut fit = FitPoint::at(objective, active, state.fit.u.clone(), &state.fit.step_error).ok()?;
     for of_joint in first_of_each_joint(objective, &usual) {
         own::solve(objective, of_joint, &mut fit, SearchBudget::FULL);
     }
