@@ -25,6 +25,7 @@ impl IdentificationProblem {
             candidates: Vec::new(),
             logs: Vec::new(),
             floors_of_model: vec![HashMap::new(); recorded.len()],
+            uncertain: vec![HashMap::new(); recorded.len()],
             means_of: 1,
             changes: Vec::new(),
             features: Vec::new(),

@@ -4,18 +4,22 @@ use super::log_parts::LogPart;
 use super::problem::IdentificationProblem;
 use super::start;
 use super::start::windows::Windows;
-use crate::log_quality::torque_noise::MotionNoise;
+use crate::log_quality::torque_noise::{MotionNoise, TorqueChanges, draws};
 use btr_core::log::{Channel, Log, Role, interpolate};
 use btr_core::world::WorldError;
-use btr_identify::residual_model::{MeasuredChannel, RecordedLog, TimeStep};
+use btr_identify::residual_model::{MeasuredChannel, RecordedLog, ResidualModel, ResidualRequest, TimeStep};
 use btr_physics::model::{Model, Scenario};
 use btr_physics::robot::Base;
+use indexmap::IndexMap;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
 
 /// Smallest change of a noise floor that counts, as a share of it.
 const CHANGED: f64 = 0.03;
+/// Largest error, in largest errors that count as noise, of a model that tells which torques are uncertain. Where more
+/// is unexplained, they are needed to find out why.
+const NEARLY: f64 = 2.0;
 
 impl IdentificationProblem {
     /// Sets the compared channels of the logs, and their initial states as estimated by the model at `u`. A floating
@@ -93,36 +97,66 @@ impl IdentificationProblem {
         compared(&self.model).filter_map(lower).collect()
     }
 
-    /// The problem with the noise floors of the torques that a prescribed motion requires of the model at `u`; `None`
+    /// The problem with the noise floors of the torques that a prescribed motion requires of the model at `u`; where
+    /// the model explains nearly all, also those of single samples at which dry friction may have either sign. `None`
     /// where they stay about the same.
     pub(super) fn with_torque_floors_at(&self, u: &[f64]) -> Option<Self> {
         if !self.model.robot.is_prescribed() {
             return None;
         }
         let longest = (0..self.model.learn.min(self.recorded.len())).max_by_key(|k| self.recorded[*k].len())?;
-        let motion = MotionNoise::of(&self.model, &self.recorded[longest], self.means_of);
-        let becomes = |u: &[f64]| {
-            let simulate = |scenario: &Scenario| self.simulate_in(u, scenario, TimeStep::USUAL);
-            motion.in_torques(&self.model, &self.situations[longest], &simulate).ok()
-        };
-        let (stood, stands) = (becomes(&vec![0.0; u.len()])?, becomes(u)?);
-        let floor = |(name, now): (&String, &f64)| {
-            let values = &self.recorded[longest].channel(name)?.values;
-            let before = self.model.setup.noise.floor(name, values)?;
-            let floor = (before.powi(2) - stood.get(name)?.powi(2)).max(0.0).sqrt().hypot(*now);
-            let used = self.floor(longest, name, values)?;
-            Some((name.clone(), floor, (floor / used - 1.0).abs() > CHANGED))
-        };
-        let all: Vec<(String, f64, bool)> = stands.iter().filter_map(floor).collect();
-        if !all.iter().any(|(_, _, changed)| *changed) {
-            return None;
-        }
+        let stood = self.changed_torques(&vec![0.0; u.len()], longest, 1)?;
         let mut other = self.clone();
-        for floors in &mut other.floors_of_model {
-            floors.extend(all.iter().map(|(name, floor, _)| (name.clone(), *floor)));
+        let mut uncertain = self.uncertain.clone();
+        let mut differs = false;
+        for (scenario, log) in self.recorded.iter().enumerate() {
+            let Some(stands) = self.changed_torques(u, scenario, draws(log)) else { continue };
+            for (name, TorqueChanges { deviation, outstanding }) in stands {
+                let readings = |scenario: usize| self.recorded[scenario].channel(&name).map(|channel| &channel.values);
+                let noise = |readings: &Vec<f64>| self.model.setup.noise.floor(&name, readings);
+                let before = readings(longest).and_then(noise);
+                let (Some(before), Some(stood)) = (before, stood.get(&name)) else { continue };
+                // What is left without the motion's part is the sensor's noise.
+                let floor = (before.powi(2) - stood.deviation.powi(2)).max(0.0).sqrt().hypot(deviation);
+                let used = readings(scenario).and_then(|readings| self.floor(scenario, &name, readings));
+                differs |= used.is_some_and(|used| (floor / used - 1.0).abs() > CHANGED);
+                other.floors_of_model[scenario].insert(name.clone(), floor);
+                if outstanding.iter().any(|change| *change > floor) {
+                    uncertain[scenario].insert(name, outstanding.into());
+                }
+            }
         }
         other.measure().ok()?;
-        Some(other)
+        let is_first = self.uncertain.iter().all(HashMap::is_empty) && uncertain.iter().any(|names| !names.is_empty());
+        let weighted = is_first.then(|| IdentificationProblem { uncertain, ..other.clone() });
+        let weighted = weighted.filter(|weighted| weighted.error(u) <= NEARLY * weighted.noise_bound());
+        weighted.or_else(|| differs.then_some(other))
+    }
+
+    /// The error at a point on the training or the held-out logs, whichever is larger; infinite if a simulation
+    /// diverges.
+    fn error(&self, u: &[f64]) -> f64 {
+        let requests: Vec<ResidualRequest> =
+            (0..self.logs.len()).map(|log| ResidualRequest { u, log, moved: &[] }).collect();
+        let residuals = self.residuals(&requests, TimeStep::USUAL);
+        let of = |held_out: bool| {
+            let logs = self.logs.iter().zip(&residuals).filter(|(log, _)| log.held_out == held_out);
+            let (squares, present) = logs.fold((0.0, 0), |(squares, present), (log, residual)| {
+                let here = residual
+                    .as_ref()
+                    .map_or(f64::INFINITY, |r| r.iter().filter(|r| r.is_finite()).map(|r| r * r).sum());
+                (squares + here, present + log.present)
+            });
+            (squares / present.max(1) as f64).sqrt()
+        };
+        of(false).max(of(true))
+    }
+
+    /// What the noise of a log's motion changes of the torques that the model at `u` requires, in so many draws.
+    fn changed_torques(&self, u: &[f64], scenario: usize, draws: usize) -> Option<IndexMap<String, TorqueChanges>> {
+        let motion = MotionNoise::of(&self.model, &self.recorded[scenario], self.means_of);
+        let simulate = |situation: &Scenario| self.simulate_in(u, situation, TimeStep::USUAL);
+        motion.in_torques(&self.model, &self.situations[scenario], draws, &simulate).ok()
     }
 
     /// The noise floor of a channel of a scenario's log.

@@ -3,7 +3,8 @@
 //! Two noises meet there: that of the torque sensor, and that of the positions, which differentiating them twice turns
 //! into torque, by the inertia that each joint feels. The second is what the model's required torques change by when
 //! the positions get as much noise once more. Both torques are smoothed alike before they are compared; the floor is
-//! what is left of both noises then.
+//! what is left of both noises then. Where a velocity nearly stays at zero, noise changes its sign, and dry friction
+//! with it: there, the torque is less certain than elsewhere.
 
 use btr_core::log::Log;
 use btr_core::random::stream;
@@ -11,7 +12,7 @@ use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::smooth;
 use btr_core::signal::stats::robust_std;
 use btr_core::world::{Simulator, WorldError};
-use btr_physics::drive::Replay;
+use btr_physics::drive::{Drive, Replay};
 use btr_physics::model::{Model, ModelRequest, Scenario};
 use btr_physics::robot::{Joint, Robot};
 use btr_physics::sensor::add_noise;
@@ -20,6 +21,8 @@ use std::sync::Arc;
 
 /// Most samples of a log from which noise is estimated.
 const ENOUGH: usize = 20_000;
+/// How often a log gets as much noise again: with fewer draws, too few of the signs that are uncertain change.
+const DRAWS: usize = 8;
 /// Smallest noise that counts as shown, as a share of the least that is assumed of a sensor.
 const VISIBLE: f64 = 0.05;
 /// Samples of a stretch in which the robot feels about the same inertia, ...
@@ -51,51 +54,69 @@ pub(crate) fn floors(
     else {
         return IndexMap::new();
     };
-    let noise = MotionNoise::of(model, &logs[longest], means_of);
+    let enough = logs[longest].part(0..logs[longest].len().min(ENOUGH));
+    let noise = MotionNoise::of(model, &enough, means_of);
     let s = model.simulations().nominal();
     let simulate = |scenario: &Scenario| model.simulate(ModelRequest::new(&s, scenario));
     // A log that cannot be simulated is reported where it is needed.
-    let moved = noise.in_torques(model, &model.scenarios[longest], &simulate).unwrap_or_default();
-    let left = left_by_smoothing(&noise.logs[0]);
+    let moved = noise.in_torques(model, &model.scenarios[longest], 1, &simulate).unwrap_or_default();
+    let left = left_by_smoothing(&enough);
     let floor = |joint: &Joint| {
         let name = joint.compared();
         let squares: Vec<f64> = sensors.iter().filter_map(|log| Some(log.get(&name)?.powi(2))).collect();
         let estimated = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
         let stated = model.setup.noise.stated(&name).map(|sigma| sigma / (means_of as f64).sqrt());
         let sensor = stated.unwrap_or(estimated);
-        let motion = moved.get(&name).copied().unwrap_or(0.0);
+        let motion = moved.get(&name).map_or(0.0, |changes| changes.deviation);
         (!squares.is_empty()).then(|| (name, (left * sensor).hypot(motion)))
     };
     joints.into_iter().filter_map(floor).collect()
 }
 
 /// What the noise of the positions becomes in a model.
-pub(crate) struct MotionNoise {
-    /// The part of a log from which it is estimated, and with as much noise again.
-    logs: [Log; 2],
+pub(crate) struct MotionNoise<'a> {
+    log: &'a Log,
+    /// Names of the positions, and their noise.
+    positions: Vec<(String, f64)>,
 }
 
-impl MotionNoise {
+/// What the noise of the positions changes of a required torque.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct TorqueChanges {
+    /// Standard deviation.
+    pub deviation: f64,
+    /// For each sample, the root mean square where it is much larger than around; else 0.
+    pub outstanding: Vec<f64>,
+}
+
+impl<'a> MotionNoise<'a> {
     /// In a log whose samples are means of so many recorded ones.
-    pub(crate) fn of(model: &Model, log: &Log, means_of: usize) -> Self {
-        let once = log.part(0..log.len().min(ENOUGH));
-        let mut twice = once.clone();
-        for (k, joint) in model.robot.prescribed().enumerate() {
+    pub(crate) fn of(model: &Model, log: &'a Log, means_of: usize) -> Self {
+        let position = |joint: &Joint| {
             let name = format!("q_{}", joint.name);
-            let Some(values) = twice.values_mut(&name) else { continue };
+            let values = &log.channel(&name)?.values;
             // What is stated is the noise of a recorded sample.
             let sigma = match model.setup.noise.stated(&name) {
                 Some(_) => model.setup.noise.floor(&name, values).map(|stated| stated / (means_of as f64).sqrt()),
                 None => shown(values),
             };
-            if let Some(sigma) = sigma {
-                add_noise(values, sigma, 0.0, &mut stream(0, &[k as u64]));
-            }
-        }
-        MotionNoise { logs: [once, twice] }
+            Some((name, sigma?))
+        };
+        MotionNoise { log, positions: model.robot.prescribed().filter_map(position).collect() }
     }
 
-    /// Standard deviation of the torques that a point requires in a scenario, by the noise of the positions.
+    /// The log with as much noise again.
+    fn noisier(&self, draw: usize) -> Log {
+        let mut log = self.log.clone();
+        for (k, (name, sigma)) in self.positions.iter().enumerate() {
+            if let Some(values) = log.values_mut(name) {
+                add_noise(values, *sigma, 0.0, &mut stream(draw as u64, &[k as u64]));
+            }
+        }
+        log
+    }
+
+    /// What this noise changes of the torques that a point requires in a scenario, in so many draws of it.
     ///
     /// # Errors
     /// A motion that cannot be simulated.
@@ -103,27 +124,56 @@ impl MotionNoise {
         &self,
         model: &Model,
         scenario: &Scenario,
+        draws: usize,
         simulate: &dyn Fn(&Scenario) -> Result<Log, WorldError>,
-    ) -> Result<IndexMap<String, f64>, WorldError> {
+    ) -> Result<IndexMap<String, TorqueChanges>, WorldError> {
+        let mean_s = scenario.replay.as_ref().map_or(0.0, |replay| replay.mean_s());
         let required = |log: &Log| {
-            let replay = Some(Arc::new(Replay::new(log, &model.robot)));
+            let replay = Some(Arc::new(Replay::new(log, &model.robot).of_means(mean_s)));
             simulate(&Scenario { replay, duration_s: log.duration_s(), ..scenario.clone() })
         };
-        let [log, noisier] = &self.logs;
-        let (once, twice) = (required(log)?, required(noisier)?);
-        let deviation = |joint: &Joint| {
+        let as_measured = required(self.log)?;
+        let noisier = (0..draws).map(|draw| required(&self.noisier(draw))).collect::<Result<Vec<Log>, _>>()?;
+        let changes = |joint: &Joint| {
             let name = joint.compared();
-            let pairs = once.channel(&name)?.values.iter().zip(&twice.channel(&name)?.values);
+            let (before, measured) = (&as_measured.channel(&name)?.values, &self.log.channel(&name)?.values);
+            let change = |log: &Log| {
+                Some(log.channel(&name)?.values.iter().zip(before).map(|(a, b)| a - b).collect::<Vec<f64>>())
+            };
+            let drawn: Vec<Vec<f64>> = noisier.iter().map(change).collect::<Option<_>>()?;
             // What is not compared does not count: of a joint that stands, noise makes friction that changes its sign.
-            let measured = &log.channel(&name)?.values;
-            let all: Vec<(f64, bool)> = pairs.zip(measured).map(|((a, b), c)| (b - a, c.is_finite())).collect();
-            let compared: Vec<f64> = all.iter().filter(|(_, is_compared)| *is_compared).map(|(by, _)| *by).collect();
+            let compared = |changes: &Vec<f64>| {
+                let pairs = changes.iter().zip(measured).filter(|(_, measured)| measured.is_finite());
+                deviation(&pairs.map(|(change, _)| *change).collect::<Vec<f64>>())
+            };
+            let first = drawn.first()?;
             // A joint of which this log holds no torque may have some in another one.
-            let of_all = || deviation(&all.iter().map(|(by, _)| *by).collect::<Vec<f64>>());
-            Some((name, deviation(&compared).or_else(of_all)?))
+            let deviation = compared(first).or_else(|| deviation(first))?;
+            Some((name, TorqueChanges { deviation, outstanding: outstanding(&drawn) }))
         };
-        Ok(model.robot.prescribed().filter_map(deviation).collect())
+        Ok(model.robot.prescribed().filter_map(changes).collect())
     }
+}
+
+/// How many draws tell which torques of a log are uncertain: fewer of a long log, whose samples take their time.
+pub(crate) fn draws(log: &Log) -> usize {
+    (DRAWS * ENOUGH / log.len().max(1)).clamp(1, DRAWS)
+}
+
+/// For each sample, the root mean square of its changes in all draws where it is large beside those around it; else 0.
+fn outstanding(drawn: &[Vec<f64>]) -> Vec<f64> {
+    let mut all = Vec::new();
+    let samples = drawn.first().map_or(0, Vec::len);
+    for from in (0..samples).step_by(STRETCH) {
+        let stretch = from..(from + STRETCH).min(samples);
+        let usual = robust_std(drawn.iter().flat_map(|changes| changes[stretch.clone()].iter().copied()));
+        let most = MOST * usual.unwrap_or(f64::INFINITY);
+        all.extend(stretch.map(|i| {
+            let square = drawn.iter().map(|changes| changes[i].powi(2)).sum::<f64>() / drawn.len() as f64;
+            if square.sqrt() > most { square.sqrt() } else { 0.0 }
+        }));
+    }
+    all
 }
 
 /// The noise that readings show, or, where they show none, that which is assumed of them: differentiated twice, even
@@ -173,6 +223,23 @@ mod tests {
         changes.iter_mut().skip(50).step_by(150).for_each(|change| *change = 500.0);
         assert!((deviation(&changes).unwrap() / truth - 1.0).abs() < 0.15);
         assert_eq!(deviation(&[f64::NAN]), None);
+    }
+
+    #[test]
+    fn what_some_draws_change_much_more_than_around_stands_out() {
+        let mut rng = stream(4, &[]);
+        let mut draw =
+            || (0..1000).map(|_| (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0).collect::<Vec<f64>>();
+        let mut drawn: Vec<Vec<f64>> = (0..8).map(|_| draw()).collect();
+        assert!(outstanding(&drawn).iter().all(|change| *change == 0.0));
+        // Two of eight draws change the sign of a friction at two samples.
+        for changes in &mut drawn[..2] {
+            changes[500..502].fill(40.0);
+        }
+        let stand_out = outstanding(&drawn);
+        assert!(stand_out[500..502].iter().all(|change| (change / 20.0 - 1.0).abs() < 0.05));
+        assert_eq!(stand_out.iter().filter(|change| **change > 0.0).count(), 2);
+        assert!(outstanding(&[]).is_empty());
     }
 
     #[test]

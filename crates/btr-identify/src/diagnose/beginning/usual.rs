@@ -13,6 +13,10 @@ use crate::diagnose::thresholds::{DECISIVE, HELD_OUT_FALL, LEARNT_FALL};
 use crate::fit::measure::{ComparisonMeasure, held_out_squares};
 use crate::fit::{FitPoint, Objective, SearchBudget};
 
+/// Where the sum of squares at a joint is less than so many times as large without a law, what the links have may take
+/// its place: a load near a joint's axis is a rotor as well.
+const CLOSE: f64 = 2.0;
+
 /// What something that was taken for granted has to pass.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum GrantedTest {
@@ -101,7 +105,13 @@ impl DiagnosisState {
         };
         let without = |index: usize| {
             let mut fit = self.less(objective, &[index])?;
-            own::solve(objective, self.chosen[index].candidate, &mut fit, FOLLOWER);
+            let candidate = self.chosen[index].candidate;
+            own::solve(objective, candidate, &mut fit, FOLLOWER);
+            let is_close =
+                own::learnt(objective, candidate, &fit) < CLOSE * own::learnt(objective, candidate, &self.fit);
+            if test == GrantedTest::Finding && is_close {
+                fit.solve(objective, FOLLOWER);
+            }
             let gains = measure.behind(&fit, &self.fit);
             Some((index, gains, fit))
         };

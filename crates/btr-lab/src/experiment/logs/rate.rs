@@ -5,13 +5,15 @@ use btr_core::random::{normal, stream};
 use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::smooth::{finely, in_place};
 use btr_core::signal::standstill::standing;
-use btr_core::signal::stats::robust_std;
+use btr_core::signal::stats::{robust_std, std};
 use btr_physics::robot::{Joint, Robot};
 
 /// Period in s at which a prescribed motion is followed, unless the model states its `control_s`, ...
 const FOLLOWED_S: f64 = 0.005;
 /// ... or twice as long, where that loses no more than this share of the accelerations, ...
 const MOST_LOST: f64 = 0.005;
+/// ... nor, as the same share of the torques, more than this part of the noise that smoothing leaves in them, ...
+const BESIDE_NOISE: f64 = 0.5;
 /// ... and of the torques no more than their sensor's noise, but for this factor.
 const AS_NOISE: f64 = 1.25;
 /// Only in long logs, with more torques than this at the shorter period: fast reversals of friction are a little later
@@ -52,6 +54,7 @@ fn keeps(log: &Log, robot: &Robot, [finer, coarser]: [usize; 2]) -> Option<bool>
     let rates = Rates { finer: log.means(finer), coarser: log.means(coarser) };
     let everywhere = vec![true; rates.coarser.len()];
     let unit = rates.lost(WHITE, &everywhere)?;
+    let left = rates.smoothed_std(WHITE, &everywhere)?;
     let keeps = |joint: &Joint| {
         let (position, torque) = (format!("q_{}", joint.name), joint.compared());
         let stands = standing(rates.coarser.clock_s(), &rates.coarser.channel(&position)?.values);
@@ -60,8 +63,9 @@ fn keeps(log: &Log, robot: &Robot, [finer, coarser]: [usize; 2]) -> Option<bool>
             return Some(true);
         }
         let sensor = NoiseEstimate::of(&log.channel(&torque)?.values)?.sigma();
-        let keeps_motion = rates.lost_acceleration(&position, &moves)? <= MOST_LOST;
-        Some(keeps_motion && rates.lost(&torque, &moves)? <= AS_NOISE * sensor * unit)
+        let lost = rates.lost_acceleration(&position, &moves)?;
+        let is_little = lost * rates.smoothed_std(&torque, &moves)? <= BESIDE_NOISE * sensor * left;
+        Some(lost <= MOST_LOST && is_little && rates.lost(&torque, &moves)? <= AS_NOISE * sensor * unit)
     };
     robot.prescribed().map(keeps).try_fold(true, |all, keeps| Some(all && keeps?))
 }
@@ -82,6 +86,15 @@ impl Rates {
         };
         let pairs = self.pairs(&smoothed(&self.finer)?, smoothed(&self.coarser)?, moves);
         robust_std(pairs.into_iter().map(|(a, b)| a - b))
+    }
+
+    /// The standard deviation of a smoothed series at the coarser rate, where a joint moves.
+    fn smoothed_std(&self, name: &str, moves: &[bool]) -> Option<f64> {
+        let mut values = self.coarser.channel(name)?.values.clone();
+        in_place(self.coarser.clock_s(), &mut values);
+        let there = values.into_iter().zip(moves).filter(|(value, moves)| **moves && value.is_finite());
+        let there: Vec<f64> = there.map(|(value, _)| value).collect();
+        (!there.is_empty()).then(|| std(&there))
     }
 
     /// By what share the accelerations of a position are smaller at the coarser rate. Noise, which is as large in both
@@ -143,14 +156,25 @@ mod tests {
 
     #[test]
     fn a_slow_motion_is_followed_half_as_often_in_a_long_log() {
-        assert!((followed(0.7, 0.0) - 0.01).abs() < 1e-9);
-        let short = recorded(0.7, 0.0).part(0..10_000);
+        assert!((followed(0.5, 0.0) - 0.01).abs() < 1e-9);
+        let short = recorded(0.5, 0.0).part(0..10_000);
         assert!((followed_s(&short, &robot(), 0.001) - 0.005).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_quiet_torque_sensor_shows_what_accelerations_lose() {
+        let mut log = recorded(0.5, 0.0);
+        // The same noise beside ten times the torque.
+        let heavy = |t: f64| -50.0 * (std::f64::consts::PI * t).sin();
+        let times = log.clock_s().to_vec();
+        let torques = log.values_mut("tau_hip").unwrap();
+        torques.iter_mut().zip(times).for_each(|(torque, t)| *torque += heavy(t));
+        assert!((followed_s(&log, &robot(), 0.001) - 0.005).abs() < 1e-9);
     }
 
     #[test]
     fn a_fast_motion_and_a_ripple_are_followed_closely() {
         assert!((followed(4.0, 0.0) - 0.005).abs() < 1e-9);
-        assert!((followed(0.7, 0.2) - 0.005).abs() < 1e-9);
+        assert!((followed(0.5, 0.2) - 0.005).abs() < 1e-9);
     }
 }

@@ -105,7 +105,8 @@ impl ScenarioSet {
 }
 
 /// Smooths the measured torques of joints that follow their measured motion in the same way as the required torques, so
-/// that both have the same bandwidth.
+/// that both have the same bandwidth. At the ends of a log, where the motion is known from one side only, it leaves
+/// them out.
 fn smooth_needed(log: &mut Log, robot: &Robot) {
     let clock_s = log.clock_s().to_vec();
     for joint in robot.prescribed() {
@@ -117,6 +118,9 @@ fn smooth_needed(log: &mut Log, robot: &Robot) {
                 torques.copy_from_slice(&acted);
             }
             smooth::in_place(&clock_s, torques);
+            let clear = smooth::clear_of_ends(&clock_s);
+            torques[..clear.start].fill(f64::NAN);
+            torques[clear.end..].fill(f64::NAN);
         }
     }
 }

@@ -130,7 +130,7 @@ impl IdentificationProblem {
 
     /// The largest error of a model without a fault, in the units of residuals. How far runs differ is the less certain
     /// the fewer of them there are, the longer what differs lasts, and the more channels share it.
-    fn noise_bound(&self) -> f64 {
+    pub(super) fn noise_bound(&self) -> f64 {
         let runs = &self.model.setup.noise.unpredictable.channels;
         let deviation = |held_out: bool| {
             let logs = self.logs.iter().filter(|log| log.held_out == held_out);
@@ -258,23 +258,32 @@ impl IdentificationProblem {
         for channel in &self.logs[log].channels {
             let predicted = interpolate(simulated.clock_s(), simulated.values(&channel.name)?, recorded.clock_s());
             let pairs = recorded.values(&channel.name)?.iter().zip(predicted).enumerate();
+            let sigma = self.sigma(part.scenario, channel);
             let error = |(i, (measured, predicted)): (usize, (&f64, f64))| {
-                if part.has(i) { (measured - predicted) / channel.sigma } else { f64::NAN }
+                if part.has(i) { (measured - predicted) / sigma(i) } else { f64::NAN }
             };
             residual.extend(pairs.map(error));
         }
         Ok(residual)
     }
 
+    /// The noise floor of each sample of a channel.
+    fn sigma(&self, scenario: usize, channel: &MeasuredChannel) -> impl Fn(usize) -> f64 + use<'_> {
+        let (usual, uncertain) = (channel.sigma, self.uncertain[scenario].get(&channel.name));
+        move |i| uncertain.map_or(usual, |adds| usual.hypot(adds[i]))
+    }
+
     /// What torques at joints contribute to the residual of a log.
     fn contributed(&self, log: usize, torques: &Log) -> Vec<f64> {
-        let recorded = &self.recorded[self.parts[log].scenario];
+        let scenario = self.parts[log].scenario;
+        let recorded = &self.recorded[scenario];
         let mut residual = Vec::with_capacity(self.logs[log].rows());
         for channel in &self.logs[log].channels {
             match torques.channel(&channel.name) {
                 Some(torque) => {
                     let predicted = interpolate(torques.clock_s(), &torque.values, recorded.clock_s());
-                    residual.extend(predicted.iter().map(|torque| -torque / channel.sigma));
+                    let sigma = self.sigma(scenario, channel);
+                    residual.extend(predicted.iter().enumerate().map(|(i, torque)| -torque / sigma(i)));
                 }
                 None => residual.resize(residual.len() + channel.samples.len(), 0.0),
             }
