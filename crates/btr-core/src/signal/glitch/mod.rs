@@ -195,6 +195,25 @@ mod tests {
         }
     }
 
+    #[test]
+    fn two_glitches_with_one_or_two_readings_between_them_are_found() {
+        use GlitchKind::{Spike, WrapAround, Zero};
+        for (seed, between) in (0..200).flat_map(|seed| [(seed, 1), (seed, 2)]) {
+            let mut values = readings(600, 3e-4, 0.0, seed);
+            let far = (320..580).find(|&i| values[i - 4..i + 8].iter().all(|x| x.abs() > 0.3)).unwrap();
+            let second = far + 2 + between;
+            values[far..far + 2].fill(0.0);
+            values[second..second + 2].fill(0.0);
+            values[100] -= 2.0;
+            (101 + between..104 + between).for_each(|i| values[i] -= std::f64::consts::TAU);
+            let found = glitches(&clock(600), &values);
+            let found: Vec<_> = found.into_iter().map(|glitch| (glitch.samples, glitch.kind)).collect();
+            let turned = 101 + between..104 + between;
+            let all = [(100..101, Spike), (turned, WrapAround), (far..far + 2, Zero), (second..second + 2, Zero)];
+            assert_eq!(found, all, "{seed}");
+        }
+    }
+
     /// A joint's torque: its motion's, and dry friction, whose sign changes.
     fn torque(seed: u64, quantum: f64) -> Vec<f64> {
         let mut rng = stream(seed, &[2]);

@@ -87,7 +87,11 @@ impl Series {
         let (jumps, mut found, mut good) = (self.jumps(), Vec::new(), Vec::with_capacity(n));
         let mut i = 0;
         while i < n {
-            let run = self.candidates(i, &jumps).into_iter().find_map(|run| self.departure(run, &good));
+            let departs = |run: Range<usize>| {
+                let mut after = self.after(&run, &jumps).into_iter();
+                after.find_map(|after| self.departure(run.clone(), &good, after))
+            };
+            let run = self.candidates(i, &jumps).into_iter().find_map(departs);
             match run {
                 Some(run) => {
                     i = run.samples.end;
@@ -126,16 +130,27 @@ impl Series {
         std::iter::once(i..i + 1).chain(repeats).chain(returns).chain(self.last(i, jumps)).collect()
     }
 
+    /// Readings after a run by which it may be judged: the next ones; and where another run may follow within them, from
+    /// a jump to the jump back, those around it.
+    fn after(&self, run: &Range<usize>, jumps: &[bool]) -> Vec<Vec<usize>> {
+        let n = self.x.len();
+        let jump = |k: &usize| *k < n && jumps[*k];
+        let begins = (run.end + 1..run.end + SIDE).filter(jump).filter(|_| jump(&run.start));
+        let others = begins.flat_map(|k| (k + 1..=k + self.longest).filter(jump).map(move |end| k..end));
+        let without = |other: Range<usize>| (run.end..n).filter(|i| !other.contains(i)).take(SIDE).collect();
+        std::iter::once(0..0).chain(others).map(without).collect()
+    }
+
     /// A run up to the last sample that begins with a jump.
     fn last(&self, i: usize, jumps: &[bool]) -> Option<Range<usize>> {
         let n = self.x.len();
         (jumps[i] && n - i > 1 && n - i <= self.longest).then_some(i..n)
     }
 
-    /// The run as a departure, if it is a glitch. `good` are the samples before it that are none.
-    fn departure(&self, run: Range<usize>, good: &[usize]) -> Option<Departure> {
+    /// The run as a departure, if it is a glitch. `good` are the samples before it that are none, `after` those after it
+    /// that judge it.
+    fn departure(&self, run: Range<usize>, good: &[usize], after: Vec<usize>) -> Option<Departure> {
         let before = good[good.len().saturating_sub(SIDE)..].to_vec();
-        let after: Vec<usize> = (run.end..self.x.len()).take(SIDE).collect();
         if before.len() < SIDE || after.len() < SIDE {
             // A torque jumps where a motor is switched on.
             return if self.torque.is_some() { None } else { self.at_an_end(run, &before) };
