@@ -33,6 +33,7 @@ pub use residual_law::ResidualLaw;
 use crate::LadderStep;
 use crate::fit::second_look::{LEFT_OUT, NEW_FLOORS, with_torque_floors, without_glitches};
 use crate::fit::{Objective, RESTARTS};
+use crate::residual_model::ResidualModel;
 use beginning::{GrantedTest, begin, take_for_granted};
 use btr_core::world::{Cancelled, WorldError};
 use companion::{companion, exchange, exchange_for_larger, is_near, weigh_pairs};
@@ -54,13 +55,41 @@ pub fn diagnose(
     question: DiagnoseOptions,
     on_step: &dyn Fn(&LadderStep),
 ) -> Result<Diagnosis, WorldError> {
-    let state = begin(objective, on_step)?;
-    let state = with_usual_laws(objective, question, state, on_step);
-    let diagnosis = match objective.description.has_contact {
-        true => go_on(objective, question, state, on_step),
-        false => go_on_with_new_starts(objective, question, state, on_step, RESTARTS),
+    let diagnosis = match with_floors_of_usual_laws(objective, question) {
+        Some(model) => {
+            let origin = vec![0.0; objective.parameters().len()];
+            search(&mut objective.going_on(model.as_ref(), &origin), question, on_step)?
+        }
+        None => search(objective, question, on_step)?,
     };
     if objective.model.is_cancelled() { Err(Cancelled.into()) } else { Ok(diagnosis) }
+}
+
+/// The model with the noise floors of torques beside the usual laws; `None` where they stay about the same. Rotors have
+/// more of the motion's noise, and where noise decides the sign of dry friction, other friction would be found.
+fn with_floors_of_usual_laws(objective: &mut Objective, question: DiagnoseOptions) -> Option<Box<dyn ResidualModel>> {
+    if !objective.description.is_decoupled {
+        return None;
+    }
+    let state = begin(objective, &|_| ()).ok()?;
+    let usual = take_for_granted(objective, question, &state);
+    let model = usual.and_then(|usual| with_torque_floors(objective, &usual.fit));
+    objective.set_stoppable(false);
+    model
+}
+
+/// Searches from the model as it stands.
+fn search(
+    objective: &mut Objective,
+    question: DiagnoseOptions,
+    on_step: &dyn Fn(&LadderStep),
+) -> Result<Diagnosis, WorldError> {
+    let state = begin(objective, on_step)?;
+    let state = with_usual_laws(objective, question, state, on_step);
+    Ok(match objective.description.has_contact {
+        true => go_on(objective, question, state, on_step),
+        false => go_on_with_new_starts(objective, question, state, on_step, RESTARTS),
+    })
 }
 
 /// Begins with the laws that nearly every joint follows, where the motion is prescribed and the training logs show

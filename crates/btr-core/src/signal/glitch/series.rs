@@ -89,7 +89,7 @@ impl Series {
         while i < n {
             let departs = |run: Range<usize>| {
                 let mut after = self.after(&run, &jumps).into_iter();
-                after.find_map(|after| self.departure(run.clone(), &good, after))
+                after.find_map(|after| self.departure(run.clone(), &good, &after))
             };
             let run = self.candidates(i, &jumps).into_iter().find_map(departs);
             match run {
@@ -149,7 +149,7 @@ impl Series {
 
     /// The run as a departure, if it is a glitch. `good` are the samples before it that are none, `after` those after it
     /// that judge it.
-    fn departure(&self, run: Range<usize>, good: &[usize], after: Vec<usize>) -> Option<Departure> {
+    fn departure(&self, run: Range<usize>, good: &[usize], after: &[usize]) -> Option<Departure> {
         let before = good[good.len().saturating_sub(SIDE)..].to_vec();
         if before.len() < SIDE || after.len() < SIDE {
             // A torque jumps where a motor is switched on.
@@ -159,10 +159,10 @@ impl Series {
         let sigmas = self.sigmas(&run);
         // Most runs end here.
         let least = self.least(&run, &inner);
-        if least <= sigmas * self.sigma || self.may_be_motion(&run, &before, &after) || self.may_jump(&run, least) {
+        if least <= sigmas * self.sigma || self.may_be_motion(&run, &before, after) || self.may_jump(&run, least) {
             return None;
         }
-        let all: Vec<usize> = before.iter().chain(&after).copied().collect();
+        let all: Vec<usize> = before.iter().chain(after).copied().collect();
         let errors = (1..=4).map(|k| {
             // By the four nearest of the other five.
             let far = if k < SIDE { 5 } else { 0 };
@@ -174,7 +174,7 @@ impl Series {
         let sure = run.len() == 1 || self.is_zero(&run) || self.catches_up(&run);
         let noisy = if sure { NOISY } else { -SIGMAS / ERRORS };
         let rough = (error - noisy * self.sigma).max(0.0);
-        let most = sigmas * self.sigma + ERRORS * rough + self.mistimed(&before, &after);
+        let most = sigmas * self.sigma + ERRORS * rough + self.mistimed(&before, after);
         (least > most).then(|| self.depart(run, &inner))
     }
 
