@@ -222,11 +222,17 @@ pub(super) fn doubt_series(candidates: &[EffectCandidate], findings: &mut [Missi
 }
 
 /// Bounds the probabilities of findings at one place, except companions and further instances: one effect that is not
-/// in the library may be behind both. What acts on all joints, or on the whole robot, is not at any place.
-pub(super) fn doubt_same_place(candidates: &[EffectCandidate], findings: &mut [MissingEffect]) {
+/// in the library may be behind both, or a load of which they are parts. What acts on all joints, or on the whole
+/// robot, is not at any place, nor is what shows apart from all else.
+pub(super) fn doubt_same_place(
+    candidates: &[EffectCandidate],
+    findings: &mut [MissingEffect],
+    is_apart: impl Fn(usize) -> bool,
+) {
     let place = |found: &MissingEffect| {
         let site = found.site.split('#').next().unwrap_or_default();
-        (candidates[found.candidate].needs == Needs::Nothing && site != "*").then(|| site.to_owned())
+        let counts = candidates[found.candidate].needs == Needs::Nothing && site != "*" && !is_apart(found.candidate);
+        counts.then(|| site.to_owned())
     };
     let places: Vec<String> = findings.iter().filter_map(place).collect();
     for found in findings.iter_mut() {
@@ -399,5 +405,24 @@ mod tests {
         assert_eq!(asked(&[(0.0, &withheld)]), (1.0, false));
         // A value of the model that may be right.
         assert_eq!(asked(&[(0.06, &narrow)]), (AT_MOST_UNCERTAIN, true));
+    }
+
+    #[test]
+    fn what_links_lack_at_one_place_may_be_one_load_and_laws_of_joints_are_told_apart() {
+        let linear = crate::residual_model::Parametrisation::Linear;
+        let parameters = vec![crate::fixture::parameter(linear, 0.0, 1.0); 3];
+        let model = crate::fixture::SyntheticModel::new(parameters, 1, |_| vec![0.0]);
+        let model = (0..3).fold(model, crate::fixture::SyntheticModel::with_candidate);
+        let candidates = crate::residual_model::ResidualModel::description(&model).candidates;
+        let asked = |apart: &[usize]| {
+            let mut findings = [found(0.5, 5), found(0.3, 5), found(0.2, 5)];
+            findings.iter_mut().enumerate().for_each(|(k, finding)| finding.candidate = k);
+            findings[2].site = "wrist".to_owned();
+            doubt_same_place(&candidates, &mut findings, |candidate| apart.contains(&candidate));
+            findings.map(|finding| finding.probability_cap.is_some())
+        };
+        assert_eq!(asked(&[]), [true, true, false]);
+        assert_eq!(asked(&[0, 1, 2]), [false; 3]);
+        assert_eq!(asked(&[0]), [false; 3], "a law of a joint is no part of what its link lacks");
     }
 }

@@ -3,6 +3,7 @@
 mod stand_ins;
 
 use crate::diagnose::evidence::{NoiseBound, doubt_same_place, doubt_series, doubt_size, weigh};
+use crate::diagnose::own;
 use crate::diagnose::report::{
     CapReason, DiagnoseOptions, Diagnosis, MissingEffect, RankedCandidate, StandIn, Verdict,
 };
@@ -101,10 +102,10 @@ fn estimate(objective: &Objective, state: &mut DiagnosisState, left: f64) -> Vec
     let all = estimates(objective, &state.fit, inflation, intervals);
     state.chosen.iter_mut().for_each(|found| note_estimates(objective, found, &all));
     doubt_series(objective.candidates(), &mut state.chosen);
-    // Where the motion is prescribed, the torque of each joint is a sum of laws that are told apart one by one.
-    if !objective.description.is_decoupled {
-        doubt_same_place(objective.candidates(), &mut state.chosen);
-    }
+    // Where the motion is prescribed, the torque of each joint is a sum of laws that are told apart one by one; what a
+    // link lacks is not.
+    let is_apart = |candidate: usize| own::is_apart(objective, candidate);
+    doubt_same_place(objective.candidates(), &mut state.chosen, is_apart);
     let is_free = |parameter: &usize| objective.description.free.contains(parameter);
     let at_bound: Vec<&Estimate> =
         all.iter().filter(|(parameter, e)| is_free(parameter) && e.at_bound).map(|(_, e)| e).collect();
