@@ -4,7 +4,7 @@
 //! into torque, by the inertia that each joint feels. The second is what the model's required torques change by when
 //! the positions get as much noise once more. Both torques are smoothed alike before they are compared; the floor is
 //! what is left of both noises then. Where a velocity nearly stays at zero, noise changes its sign, and dry friction
-//! with it: there, the torque is less certain than elsewhere.
+//! with it: those samples have larger floors.
 
 use btr_core::log::Log;
 use btr_core::random::stream;

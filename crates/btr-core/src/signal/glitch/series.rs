@@ -130,8 +130,8 @@ impl Series {
         std::iter::once(i..i + 1).chain(repeats).chain(returns).chain(self.last(i, jumps)).collect()
     }
 
-    /// Readings after a run by which it may be judged: the next ones; and where another run may follow within them, from
-    /// a jump to the jump back, those around it.
+    /// Readings after a run by which it may be judged: the next ones; and where another run may follow within them,
+    /// from a jump to the jump back, those around it.
     fn after(&self, run: &Range<usize>, jumps: &[bool]) -> Vec<Vec<usize>> {
         let n = self.x.len();
         let jump = |k: &usize| *k < n && jumps[*k];
@@ -147,8 +147,8 @@ impl Series {
         (jumps[i] && n - i > 1 && n - i <= self.longest).then_some(i..n)
     }
 
-    /// The run as a departure, if it is a glitch. `good` are the samples before it that are none, `after` those after it
-    /// that judge it.
+    /// The run as a departure, if it is a glitch. `good` are the samples before it that are none, `after` those after
+    /// it that judge it.
     fn departure(&self, run: Range<usize>, good: &[usize], after: &[usize]) -> Option<Departure> {
         let before = good[good.len().saturating_sub(SIDE)..].to_vec();
         if before.len() < SIDE || after.len() < SIDE {
