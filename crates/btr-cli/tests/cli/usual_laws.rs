@@ -254,3 +254,25 @@ fn friction_of_uncertain_sign_is_no_error() {
     let left = ["train", "held_out"].map(|logs| last[logs].as_f64().unwrap());
     assert!(left.iter().all(|error| *error < 1.1), "{answer}");
 }
+
+/// The clock of a simulation is even and may have fewer ticks than that of the log.
+#[test]
+fn a_log_whose_clock_no_simulation_shares_is_diagnosed() {
+    let drives = [[12.0, 0.0, 0.0], [0.0; 3], [0.0; 3]];
+    let lab = planted_in(grazing, drives, "", 3.0 * ENCODER_RAD);
+    for log in ["learn.csv", "held_out.csv"] {
+        let text = lab.read(log);
+        let (header, rows) = text.split_once('\n').unwrap();
+        let slower = |(i, row): (usize, &str)| {
+            let (t, rest) = row.split_once(',').unwrap();
+            let jitter = [0.0, 2e-5, -2e-5][i % 3];
+            format!("{},{rest}\n", t.parse::<f64>().unwrap() * RATE_HZ / 199.7 + jitter)
+        };
+        let rows: String = rows.lines().enumerate().map(slower).collect();
+        lab.write(log, &format!("{header}\n{rows}"));
+    }
+    let answer = diagnosis(&lab);
+    assert!(named(&answer).contains(&"coulomb_friction@hip".to_owned()), "{answer}");
+    let last = answer["error_ladder"].as_array().unwrap().last().unwrap();
+    assert!(last["held_out"].as_f64().unwrap() < 1.2, "{answer}");
+}

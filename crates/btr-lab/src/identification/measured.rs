@@ -4,7 +4,7 @@ use super::log_parts::LogPart;
 use super::problem::IdentificationProblem;
 use super::start;
 use super::start::windows::Windows;
-use crate::log_quality::torque_noise::{MotionNoise, TorqueChanges, draws};
+use crate::log_quality::torque_noise::{MotionNoise, TorqueChanges, draws, enough};
 use btr_core::log::{Channel, Log, Role, interpolate};
 use btr_core::world::WorldError;
 use btr_identify::residual_model::{MeasuredChannel, RecordedLog, ResidualModel, ResidualRequest, TimeStep};
@@ -105,12 +105,14 @@ impl IdentificationProblem {
             return None;
         }
         let longest = (0..self.model.learn.min(self.recorded.len())).max_by_key(|k| self.recorded[*k].len())?;
-        let stood = self.changed_torques(&vec![0.0; u.len()], longest, 1)?;
+        let stood = self.changed_torques(&vec![0.0; u.len()], (longest, &enough(&self.recorded[longest])), 1)?;
+        let is_first = self.uncertain.iter().all(HashMap::is_empty);
         let mut other = self.clone();
         let mut uncertain = self.uncertain.clone();
         let mut differs = false;
         for (scenario, log) in self.recorded.iter().enumerate() {
-            let Some(stands) = self.changed_torques(u, scenario, draws(log)) else { continue };
+            let count = if is_first { draws(log) } else { 1 };
+            let Some(stands) = self.changed_torques(u, (scenario, log), count) else { continue };
             for (name, TorqueChanges { deviation, outstanding }) in stands {
                 let readings = |scenario: usize| self.recorded[scenario].channel(&name).map(|channel| &channel.values);
                 let noise = |readings: &Vec<f64>| self.model.setup.noise.floor(&name, readings);
@@ -127,8 +129,8 @@ impl IdentificationProblem {
             }
         }
         other.measure().ok()?;
-        let is_first = self.uncertain.iter().all(HashMap::is_empty) && uncertain.iter().any(|names| !names.is_empty());
-        let weighted = is_first.then(|| IdentificationProblem { uncertain, ..other.clone() });
+        let is_some = is_first && uncertain.iter().any(|names| !names.is_empty());
+        let weighted = is_some.then(|| IdentificationProblem { uncertain, ..other.clone() });
         let weighted = weighted.filter(|weighted| weighted.error(u) <= NEARLY * weighted.noise_bound());
         weighted.or_else(|| differs.then_some(other))
     }
@@ -152,9 +154,15 @@ impl IdentificationProblem {
         of(false).max(of(true))
     }
 
-    /// What the noise of a log's motion changes of the torques that the model at `u` requires, in so many draws.
-    fn changed_torques(&self, u: &[f64], scenario: usize, draws: usize) -> Option<IndexMap<String, TorqueChanges>> {
-        let motion = MotionNoise::of(&self.model, &self.recorded[scenario], self.means_of);
+    /// What the noise of a log's motion changes of the torques that the model at `u` requires, in so many draws; the
+    /// log is that of a scenario, or its beginning.
+    fn changed_torques(
+        &self,
+        u: &[f64],
+        (scenario, log): (usize, &Log),
+        draws: usize,
+    ) -> Option<IndexMap<String, TorqueChanges>> {
+        let motion = MotionNoise::of(&self.model, log, self.means_of);
         let simulate = |situation: &Scenario| self.simulate_in(u, situation, TimeStep::USUAL);
         motion.in_torques(&self.model, &self.situations[scenario], draws, &simulate).ok()
     }

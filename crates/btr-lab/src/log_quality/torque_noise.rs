@@ -6,7 +6,7 @@
 //! what is left of both noises then. Where a velocity nearly stays at zero, noise changes its sign, and dry friction
 //! with it: those samples have larger floors.
 
-use btr_core::log::Log;
+use btr_core::log::{Log, interpolate};
 use btr_core::random::stream;
 use btr_core::signal::noise::NoiseEstimate;
 use btr_core::signal::smooth;
@@ -54,7 +54,7 @@ pub(crate) fn floors(
     else {
         return IndexMap::new();
     };
-    let enough = logs[longest].part(0..logs[longest].len().min(ENOUGH));
+    let enough = enough(&logs[longest]);
     let noise = MotionNoise::of(model, &enough, means_of);
     let s = model.simulations().nominal();
     let simulate = |scenario: &Scenario| model.simulate(ModelRequest::new(&s, scenario));
@@ -85,7 +85,7 @@ pub(crate) struct MotionNoise<'a> {
 pub(crate) struct TorqueChanges {
     /// Standard deviation.
     pub deviation: f64,
-    /// For each sample, the root mean square where it is much larger than around; else 0.
+    /// For each sample of the log that is compared, the root mean square where it is much larger than around; else 0.
     pub outstanding: Vec<f64>,
 }
 
@@ -136,10 +136,12 @@ impl<'a> MotionNoise<'a> {
         let noisier = (0..draws).map(|draw| required(&self.noisier(draw))).collect::<Result<Vec<Log>, _>>()?;
         let changes = |joint: &Joint| {
             let name = joint.compared();
-            let (before, measured) = (&as_measured.channel(&name)?.values, &self.log.channel(&name)?.values);
-            let change = |log: &Log| {
-                Some(log.channel(&name)?.values.iter().zip(before).map(|(a, b)| a - b).collect::<Vec<f64>>())
-            };
+            let measured = &self.log.channel(&name)?.values;
+            // A simulation has an even clock of its own.
+            let on_clock =
+                |log: &Log| Some(interpolate(log.clock_s(), &log.channel(&name)?.values, self.log.clock_s()));
+            let before = on_clock(&as_measured)?;
+            let change = |log: &Log| Some(on_clock(log)?.iter().zip(&before).map(|(a, b)| a - b).collect::<Vec<f64>>());
             let drawn: Vec<Vec<f64>> = noisier.iter().map(change).collect::<Option<_>>()?;
             // What is not compared does not count: of a joint that stands, noise makes friction that changes its sign.
             let compared = |changes: &Vec<f64>| {
@@ -149,10 +151,17 @@ impl<'a> MotionNoise<'a> {
             let first = drawn.first()?;
             // A joint of which this log holds no torque may have some in another one.
             let deviation = compared(first).or_else(|| deviation(first))?;
-            Some((name, TorqueChanges { deviation, outstanding: outstanding(&drawn) }))
+            let mut outstanding = outstanding(&drawn);
+            outstanding.iter_mut().zip(measured).filter(|(_, x)| !x.is_finite()).for_each(|(change, _)| *change = 0.0);
+            Some((name, TorqueChanges { deviation, outstanding }))
         };
         Ok(model.robot.prescribed().filter_map(changes).collect())
     }
+}
+
+/// As much of a log as tells its noise.
+pub(crate) fn enough(log: &Log) -> Log {
+    log.part(0..log.len().min(ENOUGH))
 }
 
 /// How many draws tell which torques of a log are uncertain: fewer of a long log, whose samples take their time.
