@@ -73,6 +73,7 @@ fn log(rows: usize) -> RecordedLog {
         unit: "rad".to_owned(),
         sigma: 1.0,
         sensor: 1.0,
+        beside: [].into(),
         offset_differs: false,
         samples: 0..rows,
         present: rows,

@@ -47,7 +47,8 @@
 //! };
 //! let (name, unit) = ("q".to_owned(), "rad".to_owned());
 //! let (sigma, sensor, present) = (0.001, 0.001, 100);
-//! let channel = MeasuredChannel { name, unit, sigma, sensor, offset_differs: false, samples: 0..present, present };
+//! let (beside, samples) = ([].into(), 0..present);
+//! let channel = MeasuredChannel { name, unit, sigma, sensor, beside, offset_differs: false, samples, present };
 //! let log = RecordedLog { name: "ramp".to_owned(), held_out: false, channels: vec![channel], present };
 //! let model = Linear(ModelDescription::new(vec![gain], vec![log]));
 //!

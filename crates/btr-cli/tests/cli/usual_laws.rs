@@ -247,12 +247,20 @@ fn a_law_that_explains_far_more_than_its_parts_takes_their_place() {
 fn friction_of_uncertain_sign_is_no_error() {
     let drives = [[12.0, 0.0, 0.0], [0.0; 3], [0.0; 3]];
     let lab = planted_in(grazing, drives, "", 3.0 * ENCODER_RAD);
-    let answer = diagnosis(&lab);
+    let answer = lab.json("diagnose arm.toml learn.csv --held-out held_out.csv -q -o found.toml");
     assert_eq!(named(&answer), ["coulomb_friction@hip"], "{answer}");
     assert_eq!(answer["verdict"], "effect_missing", "{answer}");
     let last = answer["error_ladder"].as_array().unwrap().last().unwrap();
     let left = ["train", "held_out"].map(|logs| last[logs].as_f64().unwrap());
     assert!(left.iter().all(|error| *error < 1.1), "{answer}");
+    // Such samples have larger noise floors, and their whole error in N·m.
+    let rmse = |channels: &Value, key: &str| {
+        let mut channels = channels.as_array().unwrap().iter();
+        channels.find(|channel| channel[key] == "tau_hip").unwrap()["rmse"].as_f64().unwrap()
+    };
+    let compared = lab.json("compare found.toml held_out.csv -q");
+    let (told, measured) = (rmse(&answer["remaining"], "channel"), rmse(&compared["channels"], "name"));
+    assert!((told / measured - 1.0).abs() < 0.02, "{told} {measured}");
 }
 
 /// The clock of a simulation is even and may have fewer ticks than that of the log.

@@ -34,6 +34,7 @@ fn planted(seed: u64, others: f64) -> BaseParameters {
         unit: "N·m".to_owned(),
         sigma: 1.0,
         sensor: 1.0,
+        beside: [].into(),
         offset_differs: false,
         samples: 0..ROWS,
         present: ROWS,

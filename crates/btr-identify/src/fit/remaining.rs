@@ -66,12 +66,12 @@ pub(crate) fn remaining(objective: &Objective, u: &[f64]) -> Vec<RemainingError>
     let mut sums: IndexMap<&str, ChannelSum> = IndexMap::new();
     for (rows, channel) in channels(logs()).into_iter().zip(logs().flat_map(|log| &log.channels)) {
         // Rows that are not compared are zero.
-        let (present, square) =
-            (residual[rows.clone()].iter().filter(|r| **r != 0.0).count(), squares(&residual[rows]));
+        let residual = &residual[rows];
+        let (present, square) = (residual.iter().filter(|r| **r != 0.0).count(), squares(residual));
         let sum = sums.entry(&channel.name).or_default();
         sum.unit.clone_from(&channel.unit);
         sum.samples += present as f64;
-        sum.squares += square * channel.sigma.powi(2);
+        sum.squares += residual.iter().enumerate().map(|(i, r)| (r * channel.sigma_at(i)).powi(2)).sum::<f64>();
         sum.in_sensor_noise += square * (channel.sigma / channel.sensor).powi(2);
         if channel.is_of_runs() {
             *sum.in_runs.get_or_insert_default() += square;
@@ -112,8 +112,9 @@ fn percents(objective: &Objective, u: &[f64], set: LogSet) -> Option<IndexMap<St
             let of_log = residual.get(first..first + recorded.rows())?.get(channel.samples.clone())?;
             let [left, whole] = sums.entry(channel.name.clone()).or_default();
             // Rows that are not compared are zero.
-            for (r, y) in of_log.iter().zip(measured.get(channel.samples.clone())?).filter(|(r, _)| **r != 0.0) {
-                *left += (r * channel.sigma).powi(2);
+            let pairs = of_log.iter().zip(measured.get(channel.samples.clone())?).enumerate();
+            for (i, (r, y)) in pairs.filter(|(_, (r, _))| **r != 0.0) {
+                *left += (r * channel.sigma_at(i)).powi(2);
                 *whole += y * y;
             }
         }

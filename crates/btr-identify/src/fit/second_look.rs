@@ -17,8 +17,9 @@ use crate::residual_model::{Derivation, ResidualModel};
 /// The steps of the ladder that follow.
 pub(crate) const LEFT_OUT: &str = "glitches left out";
 pub(crate) const NEW_FLOORS: &str = "noise floors of this model";
-/// How many logs are simulated for noise floors: with and without noise, at the model's values and at the fit.
-const FLOOR_ROLLOUTS: usize = 4;
+/// How often each log is simulated for noise floors, at most: as measured, with eight draws of more noise, and with the
+/// new floors.
+const FLOOR_ROLLOUTS: usize = 10;
 /// Largest error beside what is left out, in largest errors that count as noise: at fast onsets on a slow clock, the
 /// error of a wrong model is as short as a glitch.
 const NEARLY: f64 = 2.0;
@@ -44,6 +45,6 @@ pub(crate) fn with_torque_floors(objective: &Objective, fit: &FitPoint) -> Optio
     if !objective.description.is_decoupled || objective.is_stopped() {
         return None;
     }
-    objective.add_rollouts(FLOOR_ROLLOUTS);
+    objective.add_rollouts(FLOOR_ROLLOUTS * objective.description.logs.len());
     objective.model.derive(&Derivation::WithTorqueFloorsAt(fit.u.clone()))
 }

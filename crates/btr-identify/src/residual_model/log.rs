@@ -1,6 +1,7 @@
 //! The measurements that a model is compared with.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 /// A measured channel of a log.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,6 +15,9 @@ pub struct MeasuredChannel {
     pub sigma: f64,
     /// Standard deviation of the sensor's error alone, quantisation included: the noise floor.
     pub sensor: f64,
+    /// Standard deviation of what single samples have beside `sigma`, in the channel's unit, or empty: torques are less
+    /// certain where noise decides the sign of dry friction.
+    pub beside: Arc<[f64]>,
     /// Whether a whole run has an offset of its own, which then says nothing about the model.
     pub offset_differs: bool,
     /// Its samples in the log's residual.
@@ -26,6 +30,11 @@ impl MeasuredChannel {
     /// Whether what differs from run to run is part of its `sigma`.
     pub fn is_of_runs(&self) -> bool {
         self.sigma > self.sensor || self.offset_differs
+    }
+
+    /// The standard deviation of one of its samples.
+    pub fn sigma_at(&self, sample: usize) -> f64 {
+        self.beside.get(sample).map_or(self.sigma, |beside| self.sigma.hypot(*beside))
     }
 }
 

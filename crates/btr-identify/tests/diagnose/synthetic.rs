@@ -79,6 +79,7 @@ impl SyntheticModel {
                 unit: "rad".to_owned(),
                 sigma: 1.0,
                 sensor: 1.0,
+                beside: [].into(),
                 offset_differs: false,
                 samples: 0..samples,
                 present: samples,

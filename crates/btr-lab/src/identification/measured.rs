@@ -4,22 +4,14 @@ use super::log_parts::LogPart;
 use super::problem::IdentificationProblem;
 use super::start;
 use super::start::windows::Windows;
-use crate::log_quality::torque_noise::{MotionNoise, TorqueChanges, draws, enough};
 use btr_core::log::{Channel, Log, Role, interpolate};
 use btr_core::world::WorldError;
-use btr_identify::residual_model::{MeasuredChannel, RecordedLog, ResidualModel, ResidualRequest, TimeStep};
-use btr_physics::model::{Model, Scenario};
+use btr_identify::residual_model::{MeasuredChannel, RecordedLog, TimeStep};
+use btr_physics::model::Model;
 use btr_physics::robot::Base;
-use indexmap::IndexMap;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
-
-/// Smallest change of a noise floor that counts, as a share of it.
-const CHANGED: f64 = 0.03;
-/// Largest error, in largest errors that count as noise, of a model that tells which torques are uncertain. Where more
-/// is unexplained, they are needed to find out why.
-const NEARLY: f64 = 2.0;
 
 impl IdentificationProblem {
     /// Sets the compared channels of the logs, and their initial states as estimated by the model at `u`. A floating
@@ -97,78 +89,8 @@ impl IdentificationProblem {
         compared(&self.model).filter_map(lower).collect()
     }
 
-    /// The problem with the noise floors of the torques that a prescribed motion requires of the model at `u`; where
-    /// the model explains nearly all, also those of single samples at which dry friction may have either sign. `None`
-    /// where they stay about the same.
-    pub(super) fn with_torque_floors_at(&self, u: &[f64]) -> Option<Self> {
-        if !self.model.robot.is_prescribed() {
-            return None;
-        }
-        let longest = (0..self.model.learn.min(self.recorded.len())).max_by_key(|k| self.recorded[*k].len())?;
-        let stood = self.changed_torques(&vec![0.0; u.len()], (longest, &enough(&self.recorded[longest])), 1)?;
-        let is_first = self.uncertain.iter().all(HashMap::is_empty);
-        let mut other = self.clone();
-        let mut uncertain = self.uncertain.clone();
-        let mut differs = false;
-        for (scenario, log) in self.recorded.iter().enumerate() {
-            let count = if is_first { draws(log) } else { 1 };
-            let Some(stands) = self.changed_torques(u, (scenario, log), count) else { continue };
-            for (name, TorqueChanges { deviation, outstanding }) in stands {
-                let readings = |scenario: usize| self.recorded[scenario].channel(&name).map(|channel| &channel.values);
-                let noise = |readings: &Vec<f64>| self.model.setup.noise.floor(&name, readings);
-                let before = readings(longest).and_then(noise);
-                let (Some(before), Some(stood)) = (before, stood.get(&name)) else { continue };
-                // What is left without the motion's part is the sensor's noise.
-                let floor = (before.powi(2) - stood.deviation.powi(2)).max(0.0).sqrt().hypot(deviation);
-                let used = readings(scenario).and_then(|readings| self.floor(scenario, &name, readings));
-                differs |= used.is_some_and(|used| (floor / used - 1.0).abs() > CHANGED);
-                other.floors_of_model[scenario].insert(name.clone(), floor);
-                if outstanding.iter().any(|change| *change > floor) {
-                    uncertain[scenario].insert(name, outstanding.into());
-                }
-            }
-        }
-        other.measure().ok()?;
-        let is_some = is_first && uncertain.iter().any(|names| !names.is_empty());
-        let weighted = is_some.then(|| IdentificationProblem { uncertain, ..other.clone() });
-        let weighted = weighted.filter(|weighted| weighted.error(u) <= NEARLY * weighted.noise_bound());
-        weighted.or_else(|| differs.then_some(other))
-    }
-
-    /// The error at a point on the training or the held-out logs, whichever is larger; infinite if a simulation
-    /// diverges.
-    fn error(&self, u: &[f64]) -> f64 {
-        let requests: Vec<ResidualRequest> =
-            (0..self.logs.len()).map(|log| ResidualRequest { u, log, moved: &[] }).collect();
-        let residuals = self.residuals(&requests, TimeStep::USUAL);
-        let of = |held_out: bool| {
-            let logs = self.logs.iter().zip(&residuals).filter(|(log, _)| log.held_out == held_out);
-            let (squares, present) = logs.fold((0.0, 0), |(squares, present), (log, residual)| {
-                let here = residual
-                    .as_ref()
-                    .map_or(f64::INFINITY, |r| r.iter().filter(|r| r.is_finite()).map(|r| r * r).sum());
-                (squares + here, present + log.present)
-            });
-            (squares / present.max(1) as f64).sqrt()
-        };
-        of(false).max(of(true))
-    }
-
-    /// What the noise of a log's motion changes of the torques that the model at `u` requires, in so many draws; the
-    /// log is that of a scenario, or its beginning.
-    fn changed_torques(
-        &self,
-        u: &[f64],
-        (scenario, log): (usize, &Log),
-        draws: usize,
-    ) -> Option<IndexMap<String, TorqueChanges>> {
-        let motion = MotionNoise::of(&self.model, log, self.means_of);
-        let simulate = |situation: &Scenario| self.simulate_in(u, situation, TimeStep::USUAL);
-        motion.in_torques(&self.model, &self.situations[scenario], draws, &simulate).ok()
-    }
-
     /// The noise floor of a channel of a scenario's log.
-    fn floor(&self, scenario: usize, name: &str, readings: &[f64]) -> Option<f64> {
+    pub(super) fn floor(&self, scenario: usize, name: &str, readings: &[f64]) -> Option<f64> {
         let of_model = self.floors_of_model[scenario].get(name).copied();
         of_model.or_else(|| self.model.setup.noise.floor(name, readings))
     }
@@ -199,7 +121,17 @@ impl IdentificationProblem {
             let sigma = if self.model.robot.base == Base::Fixed { unpredictable } else { sensor };
             let offset_differs = self.model.setup.noise.unpredictable.has_offsets(&name);
             let unit = channel.unit.clone();
-            channels.push(MeasuredChannel { name, unit, sigma, sensor, offset_differs, samples, present: here });
+            let beside = self.uncertain[part.scenario].get(&name).cloned().unwrap_or_default();
+            channels.push(MeasuredChannel {
+                name,
+                unit,
+                sigma,
+                sensor,
+                beside,
+                offset_differs,
+                samples,
+                present: here,
+            });
         }
         if channels.is_empty() {
             let what =

@@ -17,6 +17,7 @@ mod residuals;
 mod searched;
 mod simulated;
 mod start;
+mod torque_floors;
 
 pub(crate) use catalogue::sites::{has_dry_friction, sites};
 pub use input::{Doubt, ErrorUnit, FitOptions, FittedGlitch, NoiseFloor, StartModel, VerbInput, doubts};

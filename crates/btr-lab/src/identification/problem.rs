@@ -45,8 +45,8 @@ pub struct IdentificationProblem {
     /// For each scenario, the noise floors that are taken from a model: those that are lower beside it than in the
     /// readings alone, and those of the torques that a prescribed motion requires.
     pub(super) floors_of_model: Vec<HashMap<String, f64>>,
-    /// For each scenario, what is added to the noise floor of single samples: of torques whose dry friction has an
-    /// uncertain sign.
+    /// For each scenario, what single samples have beside the noise floor: torques whose dry friction has an uncertain
+    /// sign.
     pub(super) uncertain: Vec<HashMap<String, Arc<[f64]>>>,
     /// How many recorded samples a sample is the mean of.
     pub(super) means_of: usize,
@@ -70,9 +70,7 @@ impl IdentificationProblem {
 
     /// The same problem with logs whose samples are means of so many recorded ones.
     pub(crate) fn of_means(self, means_of: usize) -> Self {
-        let problem = IdentificationProblem { means_of, ..self };
-        let origin = vec![0.0; problem.parameters.len()];
-        problem.with_torque_floors_at(&origin).unwrap_or(problem)
+        IdentificationProblem { means_of, ..self }
     }
 
     /// The model's own parameters, free or frozen; they come before those of candidates.

@@ -159,7 +159,16 @@ mod tests {
     fn channel(name: &str, samples: Range<usize>) -> MeasuredChannel {
         let (name, unit) = (name.to_owned(), "m".to_owned());
         let present = samples.len();
-        MeasuredChannel { name, unit, sigma: 1.0, sensor: 1.0, offset_differs: false, samples, present }
+        MeasuredChannel {
+            name,
+            unit,
+            sigma: 1.0,
+            sensor: 1.0,
+            beside: [].into(),
+            offset_differs: false,
+            samples,
+            present,
+        }
     }
 
     fn log(channels: Vec<MeasuredChannel>) -> RecordedLog {

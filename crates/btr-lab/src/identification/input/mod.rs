@@ -107,6 +107,7 @@ impl VerbInput {
         }
         let means_of = replays.recordings.learn.iter().map(|read| read.means_of).max().unwrap_or(1);
         let problem = IdentificationProblem::new(Arc::new(replays.model), replays.logs, &[])?.of_means(means_of);
+        let problem = problem.with_floors_of_each_log();
         let problem = if replays.keeps_glitches { problem } else { problem.searching_glitches() };
         let (added, frozen) = (Vec::new(), Vec::new());
         let Replays { left_out, recordings, places, .. } = replays;

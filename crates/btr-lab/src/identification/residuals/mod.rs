@@ -258,32 +258,23 @@ impl IdentificationProblem {
         for channel in &self.logs[log].channels {
             let predicted = interpolate(simulated.clock_s(), simulated.values(&channel.name)?, recorded.clock_s());
             let pairs = recorded.values(&channel.name)?.iter().zip(predicted).enumerate();
-            let sigma = self.sigma(part.scenario, channel);
             let error = |(i, (measured, predicted)): (usize, (&f64, f64))| {
-                if part.has(i) { (measured - predicted) / sigma(i) } else { f64::NAN }
+                if part.has(i) { (measured - predicted) / channel.sigma_at(i) } else { f64::NAN }
             };
             residual.extend(pairs.map(error));
         }
         Ok(residual)
     }
 
-    /// The noise floor of each sample of a channel.
-    fn sigma(&self, scenario: usize, channel: &MeasuredChannel) -> impl Fn(usize) -> f64 + use<'_> {
-        let (usual, uncertain) = (channel.sigma, self.uncertain[scenario].get(&channel.name));
-        move |i| uncertain.map_or(usual, |adds| usual.hypot(adds[i]))
-    }
-
     /// What torques at joints contribute to the residual of a log.
     fn contributed(&self, log: usize, torques: &Log) -> Vec<f64> {
-        let scenario = self.parts[log].scenario;
-        let recorded = &self.recorded[scenario];
+        let recorded = &self.recorded[self.parts[log].scenario];
         let mut residual = Vec::with_capacity(self.logs[log].rows());
         for channel in &self.logs[log].channels {
             match torques.channel(&channel.name) {
                 Some(torque) => {
                     let predicted = interpolate(torques.clock_s(), &torque.values, recorded.clock_s());
-                    let sigma = self.sigma(scenario, channel);
-                    residual.extend(predicted.iter().enumerate().map(|(i, torque)| -torque / sigma(i)));
+                    residual.extend(predicted.iter().enumerate().map(|(i, torque)| -torque / channel.sigma_at(i)));
                 }
                 None => residual.resize(residual.len() + channel.samples.len(), 0.0),
             }
