@@ -17,6 +17,7 @@ use btr_physics::model::{Model, ModelRequest, Scenario};
 use btr_physics::robot::{Joint, Robot};
 use btr_physics::sensor::add_noise;
 use indexmap::IndexMap;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Most samples of a log from which noise is estimated.
@@ -125,7 +126,7 @@ impl<'a> MotionNoise<'a> {
         model: &Model,
         scenario: &Scenario,
         draws: usize,
-        simulate: &dyn Fn(&Scenario) -> Result<Log, WorldError>,
+        simulate: &(dyn Fn(&Scenario) -> Result<Log, WorldError> + Sync),
     ) -> Result<IndexMap<String, TorqueChanges>, WorldError> {
         let mean_s = scenario.replay.as_ref().map_or(0.0, |replay| replay.mean_s());
         let required = |log: &Log| {
@@ -133,7 +134,8 @@ impl<'a> MotionNoise<'a> {
             simulate(&Scenario { replay, duration_s: log.duration_s(), ..scenario.clone() })
         };
         let as_measured = required(self.log)?;
-        let noisier = (0..draws).map(|draw| required(&self.noisier(draw))).collect::<Result<Vec<Log>, _>>()?;
+        let noisier =
+            (0..draws).into_par_iter().map(|draw| required(&self.noisier(draw))).collect::<Result<Vec<Log>, _>>()?;
         let changes = |joint: &Joint| {
             let name = joint.compared();
             let measured = &self.log.channel(&name)?.values;
