@@ -284,3 +284,31 @@ fn a_log_whose_clock_no_simulation_shares_is_diagnosed() {
     let last = answer["error_ladder"].as_array().unwrap().last().unwrap();
     assert!(last["held_out"].as_f64().unwrap() < 1.2, "{answer}");
 }
+
+/// Noise is acceleration that requires no torque: by least squares alone, rotors beside coarse encoders are too small.
+#[test]
+fn noise_of_the_motion_makes_no_rotor_smaller() {
+    let lab = planted(DRIVES, "", 12.0 * ENCODER_RAD);
+    let rotors = |answer: &Value| -> Vec<(f64, [f64; 2])> {
+        let effects = answer["effects"].as_array().into_iter().flatten();
+        let named = effects.flat_map(|effect| effect["parameters"].as_array().unwrap());
+        let all: Vec<&Value> = named.chain(answer["parameters"].as_array().into_iter().flatten()).collect();
+        let of = |joint: &str| {
+            let rotor = all.iter().find(|p| p["name"] == format!("armature.inertia@{joint}")).unwrap();
+            (rotor["value"].as_f64().unwrap(), [0, 1].map(|end| rotor["ci95"][end].as_f64().unwrap()))
+        };
+        ["hip", "ankle"].map(of).to_vec()
+    };
+    let diagnosed = diagnosis(&lab);
+    assert_eq!(named(&diagnosed), of_drives(DRIVES), "{diagnosed}");
+    let adds = "--add coulomb_friction --add viscous_friction --add armature";
+    let fitted = lab.json(&format!("fit arm.toml learn.csv --held-out held_out.csv {adds} -q"));
+    for answer in [&diagnosed, &fitted] {
+        for ((value, [least, most]), [_, _, truth]) in rotors(answer).into_iter().zip([DRIVES[0], DRIVES[2]]) {
+            assert!(
+                least < truth && truth < most && (value / truth - 1.0).abs() < 0.05,
+                "{value} for {truth}: {answer}"
+            );
+        }
+    }
+}

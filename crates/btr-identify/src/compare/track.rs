@@ -32,6 +32,8 @@ pub struct JointTrack {
     pub load: Vec<f64>,
     /// Which of these the load is.
     pub load_label: &'static str,
+    /// Whether the load may reach a motor's limit: not the torque that a prescribed motion requires.
+    pub is_limited: bool,
     /// The mask of each regime.
     pub regimes: Vec<(Regime, Vec<bool>)>,
     /// The series of each clue.
@@ -75,6 +77,7 @@ impl JointTrack {
             command,
             load,
             load_label,
+            is_limited: of_position.is_some(),
             regimes: Vec::new(),
             clues: Vec::new(),
         })

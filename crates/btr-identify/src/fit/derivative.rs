@@ -115,7 +115,7 @@ impl FitPoint {
     }
 
     /// A Jacobian with these columns.
-    fn jacobian_of(&self, columns: &[Vec<f64>]) -> DMatrix<f64> {
+    pub(super) fn jacobian_of(&self, columns: &[Vec<f64>]) -> DMatrix<f64> {
         let rows = self.residual.len();
         let mut jacobian = DMatrix::zeros(rows, columns.len());
         let places = jacobian.as_mut_slice().par_chunks_mut(rows.max(1));

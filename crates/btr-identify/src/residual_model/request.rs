@@ -54,4 +54,7 @@ pub enum Derivation {
     /// more inertia it has, the more torque the noise of the motion becomes. Not available where that changes next to
     /// nothing, nor for other motions.
     WithTorqueFloorsAt(Vec<f64>),
+    /// The motion that joints follow has as much noise again as it has, by the draw of this number. Not available for
+    /// other motions.
+    WithNoisierMotion(usize),
 }

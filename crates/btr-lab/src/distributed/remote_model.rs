@@ -156,6 +156,11 @@ impl ResidualModel for RemoteModel {
     }
 
     fn derive(&self, derivation: &Derivation) -> Option<Box<dyn ResidualModel>> {
-        Some(self.derived(self.local.derive(derivation)?, derivation.clone()))
+        let local = self.local.derive(derivation)?;
+        if let Derivation::WithNoisierMotion(_) = derivation {
+            // For its few rollouts, every worker would derive all that leads there anew.
+            return Some(Box::new(RemoteModel::here(Arc::from(local), self.context.clone())));
+        }
+        Some(self.derived(local, derivation.clone()))
     }
 }

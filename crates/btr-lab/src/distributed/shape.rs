@@ -33,7 +33,7 @@ impl Shape {
     /// Whether the model can be derived so.
     pub(super) fn allows(&self, derivation: &Derivation) -> bool {
         match derivation {
-            Derivation::Beginnings | Derivation::InWindows => true,
+            Derivation::Beginnings | Derivation::InWindows | Derivation::WithNoisierMotion(_) => true,
             Derivation::WithStartsAt(u) | Derivation::WithoutGlitchesAt(u) | Derivation::WithTorqueFloorsAt(u) => {
                 u.len() == self.parameters
             }

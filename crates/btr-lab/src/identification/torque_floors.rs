@@ -7,6 +7,7 @@ use btr_core::log::Log;
 use btr_identify::residual_model::{ResidualModel, ResidualRequest, TimeStep};
 use btr_physics::model::Scenario;
 use indexmap::IndexMap;
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Smallest change of a noise floor that counts, as a share of it.
@@ -51,6 +52,20 @@ impl IdentificationProblem {
         let weighted = weighted.and_then(IdentificationProblem::measured_anew);
         let weighted = weighted.filter(|weighted| weighted.error(u) <= NEARLY * weighted.noise_bound());
         weighted.or_else(|| differs.then(|| other.measured_anew()).flatten())
+    }
+
+    /// The problem with as much noise of the motion again. `None` where no joint follows a measured motion.
+    pub(super) fn with_noisier_motion(&self, draw: usize) -> Option<Self> {
+        if !self.model.robot.is_prescribed() {
+            return None;
+        }
+        let scenarios = self.recorded.len();
+        let noisier = |(scenario, log): (usize, &Log)| {
+            let noise = MotionNoise::that_shows(&self.model, log, self.means_of);
+            noise.again(&self.model, &self.situations[scenario], draw * scenarios + scenario)
+        };
+        let situations = self.recorded.par_iter().enumerate().map(noisier).collect();
+        Some(IdentificationProblem { situations, ..self.clone() })
     }
 
     fn measured_anew(mut self) -> Option<Self> {

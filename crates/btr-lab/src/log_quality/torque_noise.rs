@@ -117,6 +117,21 @@ impl<'a> MotionNoise<'a> {
         log
     }
 
+    /// The noise that the positions show, and no more than is stated of them.
+    pub(crate) fn that_shows(model: &Model, log: &'a Log, means_of: usize) -> Self {
+        let mut noise = Self::of(model, log, means_of);
+        for (name, sigma) in &mut noise.positions {
+            let estimate = log.channel(name).and_then(|channel| NoiseEstimate::of(&channel.values));
+            *sigma = estimate.map_or(0.0, |estimate| without_assumption(&estimate)).min(*sigma);
+        }
+        noise
+    }
+
+    /// A scenario of the log with as much noise again, by other draws than those that tell noise floors.
+    pub(crate) fn again(&self, model: &Model, scenario: &Scenario, draw: usize) -> Scenario {
+        Scenario { replay: followed(model, scenario, &self.noisier(DRAWS + draw)), ..scenario.clone() }
+    }
+
     /// What this noise changes of the torques that a point requires in a scenario, in so many draws of it.
     ///
     /// # Errors
@@ -128,9 +143,8 @@ impl<'a> MotionNoise<'a> {
         draws: usize,
         simulate: &(dyn Fn(&Scenario) -> Result<Log, WorldError> + Sync),
     ) -> Result<IndexMap<String, TorqueChanges>, WorldError> {
-        let mean_s = scenario.replay.as_ref().map_or(0.0, |replay| replay.mean_s());
         let required = |log: &Log| {
-            let replay = Some(Arc::new(Replay::new(log, &model.robot).of_means(mean_s)));
+            let replay = followed(model, scenario, log);
             simulate(&Scenario { replay, duration_s: log.duration_s(), ..scenario.clone() })
         };
         let as_measured = required(self.log)?;
@@ -159,6 +173,12 @@ impl<'a> MotionNoise<'a> {
         };
         Ok(model.robot.prescribed().filter_map(changes).collect())
     }
+}
+
+/// The motion of a log that a scenario's joints follow.
+fn followed(model: &Model, scenario: &Scenario, log: &Log) -> Option<Arc<Replay>> {
+    let mean_s = scenario.replay.as_ref().map_or(0.0, |replay| replay.mean_s());
+    Some(Arc::new(Replay::new(log, &model.robot).of_means(mean_s)))
 }
 
 /// As much of a log as tells its noise.
@@ -191,8 +211,13 @@ fn outstanding(drawn: &[Vec<f64>]) -> Vec<f64> {
 /// the finest encoder's noise is the larger part of a torque's.
 fn shown(readings: &[f64]) -> Option<f64> {
     let estimate = NoiseEstimate::of(readings)?;
-    let shown = estimate.white.hypot(estimate.quantum / 12.0_f64.sqrt());
+    let shown = without_assumption(&estimate);
     Some(if shown > VISIBLE * estimate.floor() { shown } else { estimate.floor() })
+}
+
+/// White noise and quantisation, as far as the readings show them.
+fn without_assumption(estimate: &NoiseEstimate) -> f64 {
+    estimate.white.hypot(estimate.quantum / 12.0_f64.sqrt())
 }
 
 /// Root mean square of changes, whose size follows the robot's posture, without what is large beside its neighbours.

@@ -401,9 +401,12 @@ impl DiagnosisState {
         }
     }
 
-    /// Moves the estimates to the middle of what the logs leave open.
+    /// Moves the estimates to the middle of what the logs leave open, and corrects them for the noise of the motion.
     pub(super) fn settle(&mut self, objective: &Objective) {
         self.fit.settle(objective);
+        if let Some(fit) = self.fit.without_attenuation(objective) {
+            self.fit = fit;
+        }
         self.renew_last_step(objective);
     }
 

@@ -203,10 +203,16 @@ pub(crate) fn withheld(objective: &Objective, train: f64, held_out: Option<f64>)
 
 fn conclude(
     objective: &Objective,
-    (fit, ended, integrator_error): FinishedSearch,
-    ladder: LadderRecorder,
+    (mut fit, ended, integrator_error): FinishedSearch,
+    mut ladder: LadderRecorder,
 ) -> FitResult {
-    let (train, held_out) = ladder.steps.last().map_or((f64::INFINITY, None), |step| (step.train, step.held_out));
+    let (train, held_out) = ladder.errors();
+    let is_noise = withheld(objective, train, held_out).is_none();
+    if let Some(corrected) = is_noise.then(|| fit.without_attenuation(objective)).flatten() {
+        fit = corrected;
+        ladder.renew(objective, &fit);
+    }
+    let (train, held_out) = ladder.errors();
     let (left_error, withheld) = withheld(objective, train, held_out).unzip();
     let integrator_error = integrator_error.max(fit.held_out_step_error(objective));
     let rollouts = objective.rollouts();

@@ -89,6 +89,7 @@ impl ResidualModel for IdentificationProblem {
             Derivation::InWindows => self.in_windows()?,
             Derivation::WithoutGlitchesAt(u) => self.without_glitches_at(u)?,
             Derivation::WithTorqueFloorsAt(u) => self.with_torque_floors_at(u)?,
+            Derivation::WithNoisierMotion(draw) => self.with_noisier_motion(*draw)?,
         };
         Some(Box::new(derived))
     }

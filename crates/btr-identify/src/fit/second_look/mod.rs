@@ -8,10 +8,12 @@
 //! their neighbours allow. An effect that is missing bends the error over many samples, and is not explained away. What
 //! is found counts only where the model explains nearly all of the rest.
 
-use super::measure::held_out_squares;
-use super::objective::{LogSet, Objective};
-use super::residual_vector::chi;
-use super::solve::FitPoint;
+mod attenuation;
+
+use crate::fit::measure::held_out_squares;
+use crate::fit::objective::{LogSet, Objective};
+use crate::fit::residual_vector::chi;
+use crate::fit::solve::FitPoint;
 use crate::residual_model::{Derivation, ResidualModel};
 
 /// The steps of the ladder that follow.
