@@ -101,3 +101,17 @@ fn steps_and_limits_are_regimes() {
     assert!((share(Regime::AfterStep) - 4.0 * 67.0 / n as f64).abs() < 0.01, "{}", share(Regime::AfterStep));
     assert!((share(Regime::Saturated) - 0.535).abs() < 0.02, "{}", share(Regime::Saturated));
 }
+
+/// The torque that a prescribed motion requires knows no motor.
+#[test]
+fn a_torque_that_is_compared_itself_has_no_limit() {
+    let (mut real, mut sim) = logs(|_, _| 0.0);
+    let clipped: Vec<f64> = (0..real.len()).map(|i| (3.0 * (0.01 * i as f64).sin()).clamp(-2.0, 2.0)).collect();
+    for log in [&mut real, &mut sim] {
+        log.insert("tau_hip", "N·m", Role::Measured, clipped.clone()).unwrap();
+    }
+    let logs = [LogPair { name: "log", real: &real, simulated: &sim }];
+    let comparison = compare(&logs, |name, _, _| name.starts_with("tau_").then_some(SIGMA));
+    let regimes: Vec<Regime> = comparison.cells.iter().map(|cell| cell.regime).collect();
+    assert!(regimes.contains(&Regime::Throughout) && !regimes.contains(&Regime::Saturated), "{regimes:?}");
+}
