@@ -38,6 +38,8 @@ def test_sliders_have_fine_steps_and_show_them(served: tuple[Server, str]) -> No
     sliders.load(session)
     shown = {name: slider.value for name, slider in sliders.sliders.items()}
     assert shown["coulomb_friction.torque@yaw"] == 0.2576 and shown["kp@yaw"] == 18.993
+    # A value's own digits would be shown after what is typed, as zeros.
+    assert sliders.sliders["coulomb_friction.torque@yaw"].precision == 4 and sliders.sliders["kp@yaw"].precision == 3
 
 
 def test_a_value_typed_beyond_its_bounds_is_told_once_typing_ends(

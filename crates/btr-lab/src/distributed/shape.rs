@@ -33,7 +33,9 @@ impl Shape {
     /// Whether the model can be derived so.
     pub(super) fn allows(&self, derivation: &Derivation) -> bool {
         match derivation {
-            Derivation::Beginnings | Derivation::InWindows | Derivation::WithNoisierMotion(_) => true,
+            Derivation::Beginnings | Derivation::InWindows => true,
+            // It is answered where the search runs.
+            Derivation::WithNoisierMotion(_) => false,
             Derivation::WithStartsAt(u) | Derivation::WithoutGlitchesAt(u) | Derivation::WithTorqueFloorsAt(u) => {
                 u.len() == self.parameters
             }

@@ -55,7 +55,9 @@ fn rollouts_fit_their_problem_or_are_refused() {
     assert!(is_mismatch(ask(parameters, 0, 0, 40, None)), "an endlessly fine step");
     let moved = Derivation::WithInitialState(vec![MovedStart { log: 9, by: Vec::new() }]);
     let floors = Derivation::WithTorqueFloorsAt(vec![0.0]);
-    for derivation in [Derivation::WithStartsAt(vec![0.0]), Derivation::WithoutGlitchesAt(Vec::new()), floors, moved] {
+    let noisier = Derivation::WithNoisierMotion(usize::MAX);
+    let starts = Derivation::WithStartsAt(vec![0.0]);
+    for derivation in [starts, Derivation::WithoutGlitchesAt(Vec::new()), floors, moved, noisier] {
         assert!(is_mismatch(ask(parameters, 0, 0, 0, Some(derivation.clone()))), "{derivation:?}");
     }
 }

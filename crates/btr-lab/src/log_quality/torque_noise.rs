@@ -96,12 +96,8 @@ impl<'a> MotionNoise<'a> {
         let position = |joint: &Joint| {
             let name = format!("q_{}", joint.name);
             let values = &log.channel(&name)?.values;
-            // What is stated is the noise of a recorded sample.
-            let sigma = match model.setup.noise.stated(&name) {
-                Some(_) => model.setup.noise.floor(&name, values).map(|stated| stated / (means_of as f64).sqrt()),
-                None => shown(values),
-            };
-            Some((name, sigma?))
+            let sigma = stated(model, &name, values, means_of).or_else(|| shown(values))?;
+            Some((name, sigma))
         };
         MotionNoise { log, positions: model.robot.prescribed().filter_map(position).collect() }
     }
@@ -119,12 +115,13 @@ impl<'a> MotionNoise<'a> {
 
     /// The noise that the positions show, and no more than is stated of them.
     pub(crate) fn that_shows(model: &Model, log: &'a Log, means_of: usize) -> Self {
-        let mut noise = Self::of(model, log, means_of);
-        for (name, sigma) in &mut noise.positions {
-            let estimate = log.channel(name).and_then(|channel| NoiseEstimate::of(&channel.values));
-            *sigma = estimate.map_or(0.0, |estimate| without_assumption(&estimate)).min(*sigma);
-        }
-        noise
+        let position = |joint: &Joint| {
+            let name = format!("q_{}", joint.name);
+            let values = &log.channel(&name)?.values;
+            let shown = NoiseEstimate::of(values).map_or(0.0, |estimate| without_assumption(&estimate));
+            Some((name.clone(), stated(model, &name, values, means_of).map_or(shown, |stated| stated.min(shown))))
+        };
+        MotionNoise { log, positions: model.robot.prescribed().filter_map(position).collect() }
     }
 
     /// A scenario of the log with as much noise again, by other draws than those that tell noise floors.
@@ -205,6 +202,12 @@ fn outstanding(drawn: &[Vec<f64>]) -> Vec<f64> {
         }));
     }
     all
+}
+
+/// The noise that the model states of a channel, in means of so many recorded samples.
+fn stated(model: &Model, name: &str, values: &[f64], means_of: usize) -> Option<f64> {
+    model.setup.noise.stated(name)?;
+    Some(model.setup.noise.floor(name, values)? / (means_of as f64).sqrt())
 }
 
 /// The noise that readings show, or, where they show none, that which is assumed of them: differentiated twice, even

@@ -140,6 +140,8 @@ mod tests {
         law: Parametrisation,
         /// Of each motion.
         noise: [f64; 2],
+        /// Largest error that counts as noise, which that of the motion adds to.
+        noise_bound: f64,
         motions: Vec<[f64; 2]>,
         torques: Arc<[f64]>,
     }
@@ -156,7 +158,7 @@ mod tests {
             let motions: Vec<[f64; 2]> = (0..ROWS).map(|row| waves(row as f64)).collect();
             let torque = |motion: &[f64; 2]| motion[0] * TRUTH[0] + motion[1] * TRUTH[1] + of_torque();
             let torques = motions.iter().map(torque).collect();
-            Shaken { law, noise, motions, torques }.again(2)
+            Shaken { law, noise, noise_bound: 2.6, motions, torques }.again(2)
         }
 
         fn again(&self, seed: u64) -> Self {
@@ -180,8 +182,7 @@ mod tests {
         fn description(&self) -> ModelDescription {
             let origin = if self.law == Parametrisation::Linear { 0.0 } else { 1.0 };
             let base = SyntheticModel::new(vec![parameter(self.law, origin, 1.0); 2], ROWS, |_| Vec::new());
-            // What the noise of the motion adds to the torques' is no error.
-            ModelDescription { is_decoupled: true, noise_bound: 2.6, ..base.description() }
+            ModelDescription { is_decoupled: true, noise_bound: self.noise_bound, ..base.description() }
         }
 
         fn residuals(&self, requests: &[ResidualRequest], _: TimeStep) -> Vec<Result<Vec<f64>, WorldError>> {
@@ -221,5 +222,16 @@ mod tests {
         let corrected = corrected.unwrap();
         assert!((corrected[0] / by_least_squares[0] - 1.0).abs() < 0.02, "{by_least_squares:?} {corrected:?}");
         assert!((corrected[1] / TRUTH[1] - 1.0).abs() < 0.04, "{corrected:?}");
+    }
+    /// Least squares have the least error, and say it at a wrong point.
+    #[test]
+    fn nothing_is_corrected_where_more_than_noise_would_be_left() {
+        let corrected_below = |noise_bound: f64| {
+            let shaken = Shaken { noise_bound, ..Shaken::new(Parametrisation::Linear, [0.5, 0.1]) };
+            shaken.estimates().1.is_some()
+        };
+        // The errors are 1.34 by least squares, and 1.42 at the true inertias.
+        assert!(!corrected_below(1.38));
+        assert!(corrected_below(1.5));
     }
 }

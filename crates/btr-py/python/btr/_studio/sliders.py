@@ -62,6 +62,8 @@ class Sliders:
         low, high = reach(dim, value)
         unit = "" if dim.unit == "1" else f" ({dim.unit})"
         slider: Any = self._gui.add_slider(f"{dim.name}{unit}", low, high, step_of(low, high), value)
+        # viser would take as many digits as the value has.
+        slider.precision = _digits(slider)
         slider.value = _rounded(value, slider)
 
         def moved(event: Any) -> None:
@@ -120,7 +122,11 @@ def step_of(low: float, high: float) -> float:
     return float(10.0 ** math.floor(math.log10((high - low) / FEWEST_STEPS)))
 
 
+def _digits(slider: Any) -> int:
+    """The digits after the point of a slider's step."""
+    return max(0, round(-math.log10(slider.step)))
+
+
 def _rounded(value: float, slider: Any) -> float:
     """The value with as many digits as the slider's step has, for the eye."""
-    digits = max(0, round(-math.log10(slider.step)))
-    return float(min(slider.max, max(slider.min, round(value, digits))))
+    return float(min(slider.max, max(slider.min, round(value, _digits(slider)))))
