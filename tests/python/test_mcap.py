@@ -114,6 +114,8 @@ def test_viewers_find_every_link_in_a_tree_of_frames(overlay):
     links = {link.get("name") for robot in robots.values() for link in robot.iter("link")}
     assert set(parents) == links and "measured/forearm" in links
     assert all(robot.find("link/visual") is not None for robot in robots.values()), "something is to be seen"
+    radius = {name: float(robot.find("link/visual//cylinder").get("radius")) for name, robot in robots.items()}
+    assert radius["model"] < radius["measured"], "surfaces at the same place flicker"
     for robot in robots.values():
         for joint in robot.iter("joint"):
             assert parents[joint.find("child").get("link")] == joint.find("parent").get("link")
@@ -128,6 +130,20 @@ def test_frames_turn_with_the_joints(overlay):
             [turret] = [x.transform for x in message.transforms if x.child_frame_id == f"{name}/turret"]
             assert 2 * math.atan2(turret.rotation.z, turret.rotation.w) == pytest.approx(yaw[t], abs=1e-9)
             assert turret.translation.z == pytest.approx(0.1)
+
+
+def test_the_frame_of_a_floating_base_is_the_root_of_its_description(tmp_path):
+    if BTR is None:
+        pytest.skip("no btr executable: set BTR, or build it")
+    short = ["--set", "simulation.duration_s=0.1", "--quiet"]
+    subprocess.run([BTR, "simulate", ROBOTS / "ant.toml", *short, "-o", tmp_path / "ant.mcap"], check=True)
+    with open(tmp_path / "ant.mcap", "rb") as file:
+        reader = mcap_reader.make_reader(file, decoder_factories=[mcap_ros2.DecoderFactory()])
+        messages = {channel.topic: message for _, channel, _, message in reader.iter_decoded_messages()}
+    robot = ElementTree.fromstring(messages["/robot_description"].data)
+    carried = {child.get("link") for child in robot.iter("child")}
+    (root,) = {link.get("name") for link in robot.iter("link")} - carried
+    assert [transform.child_frame_id for transform in messages["/tf"].transforms] == [root]
 
 
 def test_the_layout_for_foxglove_names_what_is_in_the_file(overlay):

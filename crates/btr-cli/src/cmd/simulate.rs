@@ -29,6 +29,7 @@ pub(crate) fn run(args: &SimulateArgs, global: &Global) -> Result<u8, Failure> {
     let log = log.map_err(|e| Failure::from(e).of_model(&source.path))?;
     let (robot, ..) = model.at(&s, 0);
     let meta = Meta {
+        base_link: robot.links.first().map(|link| link.name.clone()),
         model_toml: Some(source.text),
         urdf: Some(btr_physics::robot::urdf::to_urdf(&robot)),
         ..Meta::default()

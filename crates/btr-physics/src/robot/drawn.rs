@@ -36,6 +36,29 @@ impl Robot {
         }
         robot
     }
+
+    /// The same robot with shapes of another size about their centres.
+    #[must_use]
+    pub fn with_scaled_shapes(mut self, by: f64) -> Robot {
+        let shapes = self.links.iter_mut().flat_map(|link| link.shapes.iter_mut().chain(&mut link.mesh_boxes));
+        shapes.for_each(|shape| shape.geometry = shape.geometry.scaled(by));
+        self
+    }
+}
+
+impl Geometry {
+    fn scaled(&self, by: f64) -> Geometry {
+        match *self {
+            Geometry::Box { half_m } => Geometry::Box { half_m: half_m * by },
+            Geometry::Sphere { radius_m } => Geometry::Sphere { radius_m: radius_m * by },
+            Geometry::Cylinder { radius_m, half_length_m } => {
+                Geometry::Cylinder { radius_m: radius_m * by, half_length_m: half_length_m * by }
+            }
+            Geometry::Capsule { radius_m, half_length_m } => {
+                Geometry::Capsule { radius_m: radius_m * by, half_length_m: half_length_m * by }
+            }
+        }
+    }
 }
 
 fn bodies(robot: &Robot, index: usize, reach_m: f64) -> Vec<DrawnBody> {

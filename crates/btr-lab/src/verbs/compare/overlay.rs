@@ -14,6 +14,8 @@ const BETWEEN_LOGS_S: f64 = 1.0;
 /// The robots' names and colours: red, green, blue and opacity.
 const MEASURED: (&str, [f64; 4]) = ("measured", [0.74, 0.77, 0.81, 1.0]);
 const MODEL: (&str, [f64; 4]) = ("model", [0.13, 0.48, 0.9, 0.5]);
+/// The size of what is drawn of the model, as a share of the measured robot's: surfaces at the same place flicker.
+const MODEL_SIZE: f64 = 0.97;
 /// What the differences of their joints are called.
 const DIFFERENCE: &str = "difference";
 
@@ -53,8 +55,10 @@ impl CompareReport {
         let differences = differences(&real, &simulated)?;
         let difference =
             OverlaidRobot { name: DIFFERENCE.to_owned(), log: differences, urdf: None, frames: Vec::new() };
-        let measured = moving(robot, MEASURED, real, &measured);
-        let of_model = moving(robot, MODEL, simulated, &of_model);
+        let drawn = robot.with_drawn_links();
+        let smaller = drawn.clone().with_scaled_shapes(MODEL_SIZE);
+        let measured = moving(drawn, MEASURED, real, measured.frames(robot));
+        let of_model = moving(smaller, MODEL, simulated, of_model.frames(robot));
         Ok(Overlay { robots: vec![measured, of_model, difference] })
     }
 
@@ -70,12 +74,11 @@ impl CompareReport {
     }
 }
 
-/// A robot with what is drawn of it. Its links have the names of their frames, so that viewers find these.
-fn moving(robot: &Robot, (name, colour): (&str, [f64; 4]), log: Log, motion: &Motion) -> OverlaidRobot {
-    let mut drawn = Robot { name: name.to_owned(), ..robot.with_drawn_links() };
+/// A robot as it is drawn. Its links have the names of their frames, so that viewers find these.
+fn moving(drawn: Robot, (name, colour): (&str, [f64; 4]), log: Log, frames: Vec<MovingFrame>) -> OverlaidRobot {
+    let mut drawn = Robot { name: name.to_owned(), ..drawn };
     drawn.links.iter_mut().for_each(|link| link.name = frame_of(name, &link.name));
-    let urdf = Some(to_coloured_urdf(&drawn, colour));
-    OverlaidRobot { name: name.to_owned(), log, urdf, frames: motion.frames(robot) }
+    OverlaidRobot { name: name.to_owned(), log, urdf: Some(to_coloured_urdf(&drawn, colour)), frames }
 }
 
 /// The same log at later times.
