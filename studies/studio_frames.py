@@ -68,6 +68,8 @@ def measured(robot: str, browser: Browser, folder: Path, minutes: float) -> str:
     model = btr.load_model(path)
     with served(path, folder / "log.csv") as studio:
         page = browser.new_page(viewport={"width": 1400, "height": 900})
+        # Other load on this machine makes it slow, not wrong.
+        page.set_default_timeout(300_000)
         page.add_init_script(DRAWS)
         page.goto(studio.address)
         while page.evaluate("window.draws") < len(model.joints):

@@ -15,7 +15,7 @@ from btr._studio.cause import Candidates
 from btr._studio.notices import Notices
 from btr._studio.server import Server
 from btr._studio.session import Session
-from btr._studio.sliders import Sliders, reach, step_of
+from btr._studio.sliders import Sliders, on_grid, reach, step_of
 from studio_served import served
 from studio_sessions import ROBOTS
 
@@ -32,6 +32,7 @@ def test_a_slider_of_a_tiny_value_is_fine_enough() -> None:
 def test_sliders_have_fine_steps_and_show_them(served: tuple[Server, str]) -> None:
     for low, high in ((0.0, 1.0), (0.0, 6.2), (17.0, 23.6), (1e-6, 3e-5), (0.0, 9999.0)):
         assert 1000 <= (high - low) / step_of(low, high) <= 20_001
+    assert on_grid(19.618092, 25.931961, 0.001) == (19.619, 25.931) and on_grid(0.0, 0.3, 0.0001) == (0.0, 0.3)
     model = btr.load_model(ROBOTS / "arm.toml").add("coulomb_friction@yaw")
     session = Session(model.at({"coulomb_friction.torque@yaw": 0.25764, "kp@yaw": 18.9926}), ROBOTS / "arm/learn_1.csv")
     sliders = Sliders(served[0], lambda *_: None, print)
@@ -60,7 +61,7 @@ def test_a_value_typed_beyond_its_bounds_is_told_once_typing_ends(
 
     typed(9.0, 99.0, slider.max)
     assert told.get(timeout=5.0) == "kp@yaw: 99 is beyond its bounds, 17 to 23.6 N·m/rad. It is set to 23.6."
-    assert values == [17.0, slider.max, slider.max] and slider.value == pytest.approx(23.6)
+    assert values == pytest.approx([17.0, slider.max, slider.max]) and slider.value == pytest.approx(23.6)
     typed(1.0, 18.0, 18.5)
     with pytest.raises(queue.Empty):
         told.get(timeout=0.3)

@@ -125,6 +125,7 @@ def test_names_are_escaped() -> None:
     rival = SimpleNamespace(effect=HOSTILE, separation=2.0)
     texts = [
         panels.head(HOSTILE, HOSTILE, 1.0, 1.0),
+        panels.head("arm", "model as it stands", 1.0, 1.0, left_out=[HOSTILE]),
         panels.ladder([(HOSTILE, 1.0, 1.0)], HOSTILE),
         panels.sentence(comparison, HOSTILE),
         panels.regimes(comparison, [HOSTILE], HOSTILE),
@@ -139,6 +140,7 @@ def test_names_are_escaped() -> None:
         panels.at_bounds([(SimpleNamespace(name=HOSTILE, unit=HOSTILE, min=0.0, max=1.0), 1.0)]),
         panels.commands(HOSTILE, HOSTILE),
         panels.lines({HOSTILE: "red"}),
+        panels.lines({"model": "red"}, HOSTILE),
         panels.next_experiment(SimpleNamespace(sentence=HOSTILE, rivals=[rival])),
     ]
     for text in texts:

@@ -298,10 +298,23 @@ def test_a_damaged_log_is_left_out_and_told(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="left out"):
         session = Session(ROBOTS / "arm.toml", [damaged, ROBOTS / "arm/learn_1.csv"])
     assert len(session.runs) == 1
-    with pytest.warns(UserWarning, match="left out"), pytest.raises(btr.BtrError, match="no log is left"):
+    with pytest.raises(btr.BtrError, match=r"no log is left to learn from: .*damaged\.csv"):
         Session(ROBOTS / "arm.toml", [damaged])
     with pytest.raises(btr.BtrError):
         Session(ROBOTS / "arm.toml", [tmp_path / "missing.csv"])
+
+
+def test_a_log_that_cannot_be_replayed_is_no_part_of_the_errors(tmp_path: Path) -> None:
+    whole = ROBOTS / "arm/learn_1.csv"
+    log, lacking = btr.load_log(whole), tmp_path / "lacking.csv"
+    btr.Log(log.clock_s, {name: log[name] for name in log.keys() if name != "cmd_yaw"}).write(lacking)
+    with pytest.warns(UserWarning, match="left out: .*lacking.csv.*cmd_yaw"):
+        session = Session(ROBOTS / "arm.toml", [whole, lacking])
+    session.compare()
+    assert math.isfinite(session.errors()[0]) and [run.name for run in session.runs] == [str(whole)]
+    assert [reason for reason in session.left_out if "lacking.csv" in reason and "cmd_yaw" in reason]
+    with pytest.raises(btr.BtrError, match="no log is left .*cmd_yaw"):
+        Session(ROBOTS / "arm.toml", [lacking])
 
 
 def test_the_title_of_a_model_names_all_that_was_added(arm: Session) -> None:

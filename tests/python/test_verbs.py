@@ -130,6 +130,9 @@ def test_a_fitted_model_keeps_what_its_logs_left(arm: btr.Model) -> None:
     after = btr.fit(first.model, LEARN[1:2], freeze="mass@*")
     must_be_typed(after)
     assert after.with_prior and set(after.with_prior) <= set(after.values)
+    # A value that is set by hand is not known that well.
+    sds = first.model.text.count("sd = ")
+    assert first.model.at({"kp@yaw": 18.0}).text.count("sd = ") == sds - 1
 
 
 ONE_LINK = """<robot name="lever"><link name="base"/><link name="lever"><inertial>

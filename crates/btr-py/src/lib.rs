@@ -44,6 +44,7 @@ fn _btr(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(verbs::diagnose, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::effects, module)?)?;
     module.add_function(wrap_pyfunction!(verbs::fit, module)?)?;
+    module.add_function(wrap_pyfunction!(verbs::unusable, module)?)?;
     module.add_class::<work::Payload>()?;
     module.add_function(wrap_pyfunction!(coevolve::coevolve, module)?)?;
     module.add_function(wrap_pyfunction!(coevolve::snapshot, module)?)?;

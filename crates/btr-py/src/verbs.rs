@@ -32,6 +32,16 @@ fn replays(model: &Source, [learn, held_out]: [&[LogSource]; 2], strict: bool) -
     experiment::replays_of(model, learn, held_out, damaged, &|_| {}).map_err(Raise::raise)
 }
 
+/// Why a model cannot replay a log; `None` where it can.
+#[pyfunction]
+pub(crate) fn unusable(py: Python<'_>, model: &Model, log: LogArgument) -> PyResult<Option<String>> {
+    let logs = sources(vec![log]);
+    at_once(py, &model.source, || {
+        let replays = experiment::replays_of(&model.source, &logs, &[], DamagedLogs::Refuse, &|_| {});
+        Ok(replays.err().map(|error| error.to_string()))
+    })
+}
+
 /// The quality of logs, and which free parameters they identify.
 #[pyfunction]
 pub(crate) fn check(py: Python<'_>, model: &Model, logs: Vec<LogArgument>, strict: bool) -> PyResult<String> {

@@ -124,7 +124,8 @@ fn fix_drive<'a>(document: &mut DocumentMut, values: impl Iterator<Item = (&'a s
     drive.insert("set", Item::Table(set));
 }
 
-/// The text of a model's file with other values of these free parameters; everything else is unchanged.
+/// The text of a model's file with other values of these free parameters, whose standard deviations are of other values
+/// and go; everything else is unchanged.
 ///
 /// # Errors
 /// See [`adapted`].
@@ -134,7 +135,9 @@ pub fn at<'a>(
     values: impl IntoIterator<Item = (&'a str, f64)>,
 ) -> Result<String, TomlError> {
     let mut document = text.parse::<DocumentMut>()?;
-    write_values(&mut document, model, values);
+    let values: Vec<(&str, f64)> = values.into_iter().collect();
+    write_values(&mut document, model, values.iter().copied());
+    values.iter().for_each(|(name, _)| write_key(&mut document, name, "sd", None));
     Ok(document.to_string())
 }
 
@@ -148,10 +151,25 @@ fn write_values<'a>(document: &mut DocumentMut, model: &Model, values: impl Into
         {
             keep_bounds(document, &model.simulations.dims()[k], value);
         }
+        include(document, name, value);
         write_key(document, name, "value", Some(value.into()));
         fitted.push(name);
     }
     forget_guesses(document, &model.robot, &fitted);
+}
+
+/// Widens bounds that a value exceeds: bounds have two digits, and an effect that is off at infinity is searched up to
+/// there.
+fn include(document: &mut DocumentMut, name: &str, value: f64) {
+    let entry = document["parameters"].get_mut(name).and_then(Item::as_table_like_mut);
+    let Some(bounds) = entry.and_then(|entry| entry.get_mut("bounds")).and_then(Item::as_array_mut) else { return };
+    let stated = |k: usize| bounds.get(k).and_then(|x| x.as_float().or_else(|| x.as_integer().map(|x| x as f64)));
+    let (Some(least), Some(most)) = (stated(0), stated(1)) else { return };
+    if value < least {
+        bounds.replace(0, value);
+    } else if value > most {
+        bounds.replace(1, value);
+    }
 }
 
 /// Bounds relative to a value that the file no longer states, as they were.
@@ -225,6 +243,21 @@ pub fn in_finer_steps(text: &str, model: &Setup, times: u32) -> Result<String, T
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+
+    #[test]
+    fn bounds_include_the_value_and_are_else_as_they_were() {
+        let after = |value: f64| {
+            let text = "[parameters]\n\"limit@hip\" = { bounds = [0.5, 100], value = 1.5 } # N·m\n";
+            let mut document = text.parse::<DocumentMut>().unwrap();
+            include(&mut document, "limit@hip", value);
+            include(&mut document, "absent", value);
+            let bounds = document["parameters"]["limit@hip"]["bounds"].to_string();
+            (bounds.trim().to_owned(), document.to_string() == text)
+        };
+        assert_eq!(after(20.0), ("[0.5, 100]".to_owned(), true));
+        assert_eq!(after(835.2), ("[0.5, 835.2]".to_owned(), false));
+        assert_eq!(after(0.25), ("[0.25, 100]".to_owned(), false));
+    }
 
     #[test]
     fn finer_steps_are_sampled_at_the_same_times() {

@@ -39,6 +39,7 @@ __all__ = [
     "serve",
     "snapshot",
     "time_of",
+    "unusable",
     "write_report",
 ]
 
@@ -185,6 +186,7 @@ def diagnose(
     tell: _Tell,
     executor: int | _Executor | None,
 ) -> tuple[str, Page, Log | None, str]: ...
+def unusable(model: Model, log: _Given) -> str | None: ...
 def effects(name: str | None = ...) -> str: ...
 def fit(
     model: Model,

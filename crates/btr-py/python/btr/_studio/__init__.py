@@ -112,7 +112,9 @@ def _serve(opened: Callable[[Server], _Page], host: str, port: int, browser: boo
     except KeyboardInterrupt:
         pass
     finally:
-        page.end()
+        # A second Ctrl-C does not wait for what runs.
+        with contextlib.suppress(KeyboardInterrupt):
+            page.end()
         # viser tells that it ends, as if it had told that it began.
         with contextlib.redirect_stdout(io.StringIO()):
             server.stop()

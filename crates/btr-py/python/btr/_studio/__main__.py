@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 import threading
+import warnings
 
 from btr._btr import BtrError
 from btr._studio import studio
@@ -27,6 +28,8 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     if given.with_stdin:
         threading.Thread(target=_end_with_stdin, daemon=True).start()
+    # Where in this program a warning was raised is nothing to a user.
+    warnings.showwarning = lambda text, *_, **__: print(f"warning: {text}", file=sys.stderr)
     try:
         studio(
             given.model,

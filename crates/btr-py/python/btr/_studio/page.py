@@ -305,7 +305,8 @@ class Page:
         self._head.content = self._told_errors(step, *self._session.errors())
 
     def _told_errors(self, step: Step, learn: float | None, held_out: float | None) -> str:
-        return panels.head(step.model.name, step.title, learn, held_out, tails=self._session.holds_out_tails)
+        tails, left_out = self._session.holds_out_tails, self._session.left_out
+        return panels.head(step.model.name, step.title, learn, held_out, tails=tails, left_out=left_out)
 
     def _show_comparison(self) -> None:
         session, is_first = self._session, not self._session.floors

@@ -20,6 +20,7 @@ Ladder = Sequence[tuple[str, float, Union[float, None]]]
 
 MUTED = "color:#6b7280"
 SMALL = f"font-size:12px;line-height:1.45;{MUTED}"
+WARNING = "font-size:12px;line-height:1.45;color:#b45309;overflow-wrap:anywhere"
 # viser's number beside a slider is too narrow for five digits.
 WIDER = "<style>.mantine-NumberInput-root{width:4.2rem!important}</style>"
 _MOST_FLOORS = 100.0
@@ -60,13 +61,22 @@ def floors(error: Union[float, None]) -> str:
     return "infinite" if not math.isfinite(error) else f"{error:.2f}" if error < 10 else f"{error:.1f}"
 
 
-def head(model: str, step: str, learn: Union[float, None], held_out: Union[float, None], *, tails: bool = False) -> str:
-    """The model, what was added to it, and its errors; with `tails`, the last 30 % of each log are what is held out."""
+def head(
+    model: str,
+    step: str,
+    learn: Union[float, None],
+    held_out: Union[float, None],
+    *,
+    tails: bool = False,
+    left_out: Sequence[str] = (),
+) -> str:
+    """The model, what was added to it, its errors, and why logs are left out; with `tails`, the last 30 % of each log
+    are what is held out."""
     title = f'<b style="font-size:15px">{escape(model)}</b> <span style="{MUTED}">{escape(step)}</span>'
     names = ("first 70 %", "last 30 %") if tails else ("training logs", "held-out logs")
     rows = "".join(
         f'<div style="display:flex;align-items:baseline;gap:8px"><span style="width:92px;{MUTED}">{name}</span>'
-        f'<b style="font-size:18px;width:62px">{floors(error)}</b>'
+        f'<b style="font-size:18px;width:72px">{floors(error)}</b>'
         f'<div style="flex:1">{_bar(error, colour_of(error))}</div></div>'
         for name, error in zip(names, (learn, held_out))
         if error is not None
@@ -75,7 +85,9 @@ def head(model: str, step: str, learn: Union[float, None], held_out: Union[float
     scale = f'<div style="{SMALL};text-align:right">{measure}</div>'
     if tails:
         scale += f'<div style="{SMALL}">No log is named as held out: the last 30 % of each log are held out.</div>'
-    return box(title + (rows + scale if rows else f'<div style="{SMALL}">no error in noise floors so far</div>'))
+    beside = "".join(f'<div style="{WARNING}">left out: {escape(reason)}</div>' for reason in left_out)
+    errors = rows + scale if rows else f'<div style="{SMALL}">no error in noise floors so far</div>'
+    return box(title + errors + beside)
 
 
 def legend() -> str:
@@ -86,9 +98,10 @@ def legend() -> str:
     return box(f'{robots}<br><span style="{SMALL}">joints, in noise floors now: </span>{chips}', "font-size:12px")
 
 
-def lines(inks: Mapping[str, str]) -> str:
-    """What the lines of a plot mean: names with their colours in CSS."""
-    return box("".join(chip(ink, escape(name)) for name, ink in inks.items()), "font-size:12px;padding-bottom:0")
+def lines(inks: Mapping[str, str], of: str = "") -> str:
+    """What the lines of a plot mean: names with their colours in CSS, behind what they are of."""
+    chips = "".join(chip(ink, escape(name)) for name, ink in inks.items())
+    return box(f"{escape(of)} {chips}", "font-size:12px;padding-bottom:0")
 
 
 def chip(colour: str, name: str) -> str:

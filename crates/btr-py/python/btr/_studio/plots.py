@@ -21,6 +21,7 @@ NOISE_BAND = 2.0
 """Half width of the noise band, in noise floors."""
 
 INK = {"command": "#8a8f98", "measured": "#d9730d", "model": "#7c3aed", "residual": "#0b62b0", "noise": "#2ea05a"}
+MOTION = {name: INK[name] for name in ("command", "measured", "model")}
 _CURSOR_INK = "#1f2937"
 
 
@@ -33,7 +34,7 @@ class Plots:
         nothing = [np.full(2, np.nan)] * 3
         self._motion = Lines(empty, nothing, nothing[0])
         self._rest = Lines(empty, nothing, nothing[0])
-        gui.add_html(panels.lines({name: INK[name] for name in ("command", "measured", "model")}))
+        self._legend = gui.add_html(panels.lines(MOTION))
         self.motion = gui.add_uplot(self._motion.at(0.0, MOVING_SAMPLES), _motion_series(), **options(150), bands=None)
         names = {"measured less model, in noise floors": INK["residual"], "noise, 95 %": INK["noise"]}
         gui.add_html(panels.lines(names))
@@ -55,6 +56,8 @@ class Plots:
         lines = (_first(command, measured), measured, _first(simulated, measured))
         motion = [nothing if values is None else values for values in lines]
         self._motion = Lines(clock, motion, motion[2])
+        unit = replay.run.log.unit(channel) if channel in replay.run.log else ""
+        self._legend.content = panels.lines(MOTION, f"{channel}{f' in {unit}' if unit else ''} over s:")
         residual = replay.residual(channel)
         left = nothing if residual is None else residual / (floor or np.nan)
         band = np.full(len(clock), NOISE_BAND if floor else np.nan)

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Union
 
+from btr import _warnings
 from btr._btr import Log
 from btr._inputs import wrong
 from btr._sources import LogLike
@@ -50,12 +51,18 @@ class Session:
         folder: Union[str, os.PathLike[str]] = ".",
     ) -> None:
         """Reads the model and the logs. `folder` is where `save` writes. Raises `BtrError` if none of the logs can be
-        read; a single one is left out with a warning."""
+        replayed; a single one is left out with a warning."""
         first = loaded(model)
         self.folder = Path(folder)
-        self.runs = [*runs(first, logs, held_out=False), *runs(first, held_out, held_out=True)]
-        if not any(not run.held_out for run in self.runs):
-            raise wrong("no log is left to learn from", "name at least one log that can be read")
+        self.left_out: list[str] = []
+        """Why logs are left out, each with its name."""
+        learn = list(runs(first, logs, self.left_out, held_out=False))
+        if not learn:
+            why = "".join(f": {reason}" for reason in self.left_out[:1])
+            raise wrong(f"no log is left to learn from{why}", "name at least one log that the model can replay")
+        self.runs = [*learn, *runs(first, held_out, self.left_out, held_out=True)]
+        for reason in self.left_out:
+            _warnings.warn(f"left out: {reason}")
         self.history = [Step("model as it stands", first)]
         self.floors: dict[str, float] = {}
         """Noise floors of the compared channels, in their units, 0 where there is no noise; empty until `compare`."""

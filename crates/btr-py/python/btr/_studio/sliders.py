@@ -50,7 +50,7 @@ class Sliders:
             self.sliders.pop(name).remove()
         for dim in parameters:
             value, slider = values[dim.name], self.sliders.get(dim.name)
-            if slider is not None and slider.min <= value <= slider.max:
+            if slider is not None and slider.min - slider.step < value < slider.max + slider.step:
                 slider.value = _rounded(value, slider)
                 continue
             if slider is not None:
@@ -61,9 +61,11 @@ class Sliders:
     def _slider(self, dim: Dimension, value: float) -> Any:
         low, high = reach(dim, value)
         unit = "" if dim.unit == "1" else f" ({dim.unit})"
-        slider: Any = self._gui.add_slider(f"{dim.name}{unit}", low, high, step_of(low, high), value)
+        step = step_of(low, high)
+        low, high = on_grid(low, high, step)
+        slider: Any = self._gui.add_slider(f"{dim.name}{unit}", low, high, step, min(high, max(low, value)))
         # viser would take as many digits as the value has.
-        slider.precision = _digits(slider)
+        slider.precision = digits_of(step)
         slider.value = _rounded(value, slider)
 
         def moved(event: Any) -> None:
@@ -80,12 +82,12 @@ class Sliders:
         """Keeps a value beyond the bounds until the typing ends: what is typed first of a number may be beyond them.
         The browser sets what is beyond the slider's ends to the nearer one when the field is left."""
         if value > slider.max:
-            slider.max = reach(dim, _within(dim, value))[1]
+            slider.max = on_grid(*reach(dim, _within(dim, value)), slider.step)[1]
         elif value < slider.min:
-            slider.min = reach(dim, _within(dim, value))[0]
-        if not dim.min <= value <= dim.max:
+            slider.min = on_grid(*reach(dim, _within(dim, value)), slider.step)[0]
+        if not dim.min - slider.step < value < dim.max + slider.step:
             self._beyond[dim.name] = value
-        elif dim.min < value < dim.max:
+        elif slider.min < value < slider.max:
             self._beyond.pop(dim.name, None)
         if self._typing is not None:
             self._typing.cancel()
@@ -122,11 +124,17 @@ def step_of(low: float, high: float) -> float:
     return float(10.0 ** math.floor(math.log10((high - low) / FEWEST_STEPS)))
 
 
-def _digits(slider: Any) -> int:
-    """The digits after the point of a slider's step."""
-    return max(0, round(-math.log10(slider.step)))
+def digits_of(step: float) -> int:
+    """The digits after the point of a step that is a power of ten."""
+    return max(0, round(-math.log10(step)))
+
+
+def on_grid(low: float, high: float, step: float) -> tuple[float, float]:
+    """The outermost multiples of a step between two bounds, for the eye: bounds may have any number of digits."""
+    digits, nearly = digits_of(step), 1e-6
+    return round(math.ceil(low / step - nearly) * step, digits), round(math.floor(high / step + nearly) * step, digits)
 
 
 def _rounded(value: float, slider: Any) -> float:
     """The value with as many digits as the slider's step has, for the eye."""
-    return float(min(slider.max, max(slider.min, round(value, _digits(slider)))))
+    return float(min(slider.max, max(slider.min, round(value, digits_of(slider.step)))))

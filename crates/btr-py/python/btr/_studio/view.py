@@ -117,7 +117,7 @@ class View:
         with gui.add_folder("Playback", expand_by_default=False):
             self._time.add_speed(gui)
             loop = gui.add_checkbox("Loop", True)
-            robot, model = gui.add_checkbox("Robot", True), gui.add_checkbox("Model", True)
+            robot, model = gui.add_checkbox("Measured", True), gui.add_checkbox("Model", True)
         gui.add_html(panels.legend())
         magnify.on_update(lambda _: self._magnify(MAGNIFIED[magnify.value]))
         loop.on_update(lambda _: setattr(self.player, "loops", bool(loop.value)))
