@@ -21,7 +21,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 
 import btr
 from humanoid import write_humanoid
@@ -33,6 +33,8 @@ ROBOTS = Path(__file__).parents[1] / "robots"
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 CHANGES = 40
 """Number of timed changes of a slider."""
+SMALL: ViewportSize = {"width": 640, "height": 360}
+"""The window in which memory is watched."""
 MOVES = 8
 """Number of moves of a slider before a rest, while the memory is watched."""
 DRAWS = """
@@ -173,6 +175,8 @@ def redrawn(studio: Studio, slider: Callable[[int], None], k: int) -> tuple[floa
 
 def watched(studio: Studio, page: Page, slider: Callable[[int], None], minutes: float) -> np.ndarray:
     """Minutes and megabytes while the time runs and a slider moves, with rests in which comparisons end."""
+    # Software draws a small window without taking the processor from the studio.
+    page.set_viewport_size(SMALL)
     begin, rows = time.monotonic(), [(0.0, studio.megabytes)]
     page.get_by_role("button", name="Play", exact=True).click()
     for k in iter(int, 1):

@@ -31,6 +31,7 @@ if found() is None:
 ROBOTS = Path(__file__).parents[2] / "robots"
 HOSTILE = "<img src=stolen onerror=alert(1)>.csv"
 FRICTION = "coulomb_friction@yaw"
+GAIN = "kp@yaw (N·m/rad)"
 PATIENCE_MS = 240_000
 # Debian's Chromium draws WebGL on the processor.
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic"]
@@ -60,7 +61,7 @@ def opened(address: str, width: int = 1050, script: str = "") -> Iterator["playw
         page = browser.new_page(viewport={"width": width, "height": 700})
         page.add_init_script(script)
         page.set_default_timeout(PATIENCE_MS)
-        page.failures = []
+        page.address, page.failures = address, []
         page.on("pageerror", lambda error: page.failures.append(str(error)))
         page.on("dialog", lambda dialog: page.failures.append(dialog.message))
         own = re.compile(re.escape(address.partition("?")[0]) + r"(\?token=.*|clicks/\d+)?$|data:|blob:")
@@ -83,6 +84,12 @@ def errors(page: "playwright.Page") -> list[float]:
     return [float(number) for number in re.findall(r"\d+\.\d+", told)]
 
 
+def number(page: "playwright.Page", label: str) -> "playwright.Locator":
+    """The box of a number beside its slider."""
+    beside = "xpath=following::input[@inputmode='decimal'][1]"
+    return page.get_by_text(label, exact=True).locator(beside)
+
+
 def weight(shown: "playwright.Locator") -> str:
     """How bold a text is."""
     return str(shown.evaluate("shown => getComputedStyle(shown).fontWeight"))
@@ -93,7 +100,7 @@ def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_p
     assert min(errors(page)) > 5.0
 
     page.get_by_role("button", name="Play", exact=True).click()
-    shown = page.get_by_text("Time (s)", exact=True).locator("xpath=following::input[@inputmode='decimal'][1]")
+    shown = number(page, "Time (s)")
     playwright.expect(shown).not_to_have_value("0", timeout=PATIENCE_MS)
     page.get_by_role("button", name="Pause", exact=True).click()
 
@@ -158,6 +165,41 @@ def test_what_is_missing_is_found_added_and_saved(page: "playwright.Page", tmp_p
     page.get_by_text("saved, without the preview, which has ended").wait_for()
     page.get_by_text(f"preview: + {FRICTION}").wait_for(state="detached")
     assert "coulomb_friction.torque@yaw" not in btr.load_model(tmp_path / "arm-studio-2.toml").values
+
+
+def test_a_slider_is_dragged_a_second_tab_follows_and_a_diagnosis_outlives_a_reload(page: "playwright.Page") -> None:
+    page.get_by_text("x the noise floor (").first.wait_for()
+    before = errors(page)
+    beside = "xpath=following::*[contains(@class, 'mantine-Slider-track')][1]"
+    track = page.get_by_text(GAIN, exact=True).locator(beside)
+    track.scroll_into_view_if_needed()
+    place = track.bounding_box()
+    height = place["y"] + place["height"] / 2
+    page.mouse.move(place["x"] + 0.5 * place["width"], height)
+    page.mouse.down()
+    for share in (0.4, 0.3, 0.2):
+        page.mouse.move(place["x"] + share * place["width"], height)
+    page.mouse.up()
+    page.get_by_text("set by hand").first.wait_for()
+    gain = number(page, GAIN).input_value()
+    assert 17.0 < float(gain) < 19.0
+    head = page.get_by_text(re.compile("^training logs")).locator("xpath=..")
+    playwright.expect(head).not_to_contain_text(f"{before[0]:.2f}", timeout=PATIENCE_MS)
+
+    second = page.context.browser.new_page(viewport={"width": 1050, "height": 700})
+    second.set_default_timeout(PATIENCE_MS)
+    second.goto(page.address)
+    playwright.expect(number(second, GAIN)).to_have_value(gain, timeout=PATIENCE_MS)
+    second.get_by_role("button", name="Undo", exact=True).click()
+    page.get_by_text("Undone. The model now: model as it stands.").wait_for()
+    playwright.expect(number(second, GAIN)).to_have_value("20", timeout=PATIENCE_MS)
+
+    page.get_by_role("button", name="What is missing?").click()
+    page.get_by_role("button", name="Cancel", exact=True).wait_for()
+    page.reload()
+    for tab in (page, second):
+        tab.get_by_role("button", name=f"Add {FRICTION}", exact=True).wait_for()
+    second.close()
 
 
 def test_a_wide_window_after_a_narrow_one_has_wide_panels(address: str) -> None:
@@ -247,7 +289,7 @@ def test_a_run_and_its_page(tmp_path: Path) -> None:
             shown = page.get_by_role("combobox", name="Shown")
             playwright.expect(shown).to_have_value("all side by side")
             page.get_by_role("button", name="Play", exact=True).click()
-            time = page.get_by_text("Time (s)", exact=True).locator("xpath=following::input[@inputmode='decimal'][1]")
+            time = number(page, "Time (s)")
             playwright.expect(time).not_to_have_value("0", timeout=PATIENCE_MS)
             page.get_by_role("button", name="Pause", exact=True).click()
             shown.click()

@@ -204,15 +204,36 @@ def test_what_was_not_added_cannot_be_removed(arm: Session) -> None:
     assert len(arm.history) == 1
 
 
-def test_a_series_of_values_is_one_step(arm: Session) -> None:
+def test_a_series_of_values_of_one_parameter_is_one_step(arm: Session) -> None:
     for kp in (19.0, 18.0, 17.5):
         arm.set_values({"kp@yaw": kp})
-    arm.set_values({"kd@yaw": 0.45})
-    assert len(arm.history) == 2
-    assert arm.step.by_hand == {"kp@yaw": 17.5, "kd@yaw": 0.45}
-    assert arm.model.values["kp@yaw"] == 17.5
+    for kd in (0.47, 0.45):
+        arm.set_values({"kd@yaw": kd})
+    arm.set_values({"kp@yaw": 18.5})
+    assert [step.by_hand for step in arm.history[1:]] == [
+        {"kp@yaw": 17.5},
+        {"kp@yaw": 17.5, "kd@yaw": 0.45},
+        {"kd@yaw": 0.45, "kp@yaw": 18.5},
+    ]
+    arm.undo()
+    assert arm.model.values["kp@yaw"] == 17.5 and arm.model.values["kd@yaw"] == 0.45
+    arm.undo()
     arm.undo()
     assert arm.model.values["kp@yaw"] == 20.0
+
+
+def test_steps_far_back_hold_no_simulations(arm: Session) -> None:
+    arm.compare()
+    arm.errors()
+    for value in (0.43, 0.44, 0.45, 0.46):
+        for name in ("kp@yaw", "kd@yaw"):
+            arm.set_values({name: 40 * value if name == "kp@yaw" else value})
+            arm.errors()
+    assert len(arm.history) == 9
+    assert [bool(step.replays) for step in arm.history] == [True, *[False] * 6, True, True]
+    arm.undo()
+    arm.undo()
+    assert arm.errors()[0] > 0.0
 
 
 def test_a_long_replay_is_shown_in_parts(arm: Session, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -271,12 +271,14 @@ class Session:
         return self._fitted("fitted", self.step.added, tell)
 
     def set_values(self, values: Mapping[str, float]) -> Step:
-        """Sets values of free parameters, in their units. A series of such changes is one step."""
+        """Sets values of free parameters, in their units. A series of changes of the same ones is one step."""
         before = self.step
-        step = Step(BY_HAND, before.model.at(values), before.added, before.fit, {**before.by_hand, **values})
+        others = {name: value for name, value in before.by_hand.items() if name not in values}
+        step = Step(BY_HAND, before.model.at(values), before.added, before.fit, {**others, **values})
+        is_series = before.label == BY_HAND and list(before.by_hand)[len(others) :] == list(values)
         self.show_step()
         # A diagnosis keeps the model that it is about.
-        if before.label == BY_HAND and before.diagnosis is None and before is not self._diagnosing:
+        if is_series and before.diagnosis is None and before is not self._diagnosing:
             self.history[-1] = step
             return step
         return self._push(step)
@@ -329,6 +331,9 @@ class Session:
     def _push(self, step: Step) -> Step:
         self.show_step()
         self.history.append(step)
+        # What is two steps back is simulated again where it is needed: there may be any number of steps.
+        for earlier in self.history[1:-2]:
+            earlier.replays.clear()
         return step
 
     def _logs(self) -> tuple[list[Log], list[Log]]:
