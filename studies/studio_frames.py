@@ -175,7 +175,7 @@ def redrawn(studio: Studio, slider: Callable[[int], None], k: int) -> tuple[floa
 
 def watched(studio: Studio, page: Page, slider: Callable[[int], None], minutes: float) -> np.ndarray:
     """Minutes and megabytes while the time runs and a slider moves, with rests in which comparisons end."""
-    # Software draws a small window without taking the processor from the studio.
+    # Without a graphics card, drawing a large window takes the processor that the studio needs.
     page.set_viewport_size(SMALL)
     begin, rows = time.monotonic(), [(0.0, studio.megabytes)]
     page.get_by_role("button", name="Play", exact=True).click()

@@ -124,8 +124,8 @@ fn fix_drive<'a>(document: &mut DocumentMut, values: impl Iterator<Item = (&'a s
     drive.insert("set", Item::Table(set));
 }
 
-/// The text of a model's file with other values of these free parameters, whose standard deviations are of other values
-/// and go; everything else is unchanged.
+/// The text of a model's file with other values of these free parameters. Their standard deviations belong to the
+/// values before and are removed; everything else is unchanged.
 ///
 /// # Errors
 /// See [`adapted`].

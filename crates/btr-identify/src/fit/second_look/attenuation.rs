@@ -223,7 +223,8 @@ mod tests {
         assert!((corrected[0] / by_least_squares[0] - 1.0).abs() < 0.02, "{by_least_squares:?} {corrected:?}");
         assert!((corrected[1] / TRUTH[1] - 1.0).abs() < 0.04, "{corrected:?}");
     }
-    /// Least squares have the least error, and say it at a wrong point.
+
+    /// The error at the corrected values is larger than that of least squares.
     #[test]
     fn nothing_is_corrected_where_more_than_noise_would_be_left() {
         let corrected_below = |noise_bound: f64| {

@@ -14,7 +14,7 @@ const BETWEEN_LOGS_S: f64 = 1.0;
 /// The robots' names and colours: red, green, blue and opacity.
 const MEASURED: (&str, [f64; 4]) = ("measured", [0.74, 0.77, 0.81, 1.0]);
 const MODEL: (&str, [f64; 4]) = ("model", [0.13, 0.48, 0.9, 0.5]);
-/// The size of what is drawn of the model, as a share of the measured robot's: surfaces at the same place flicker.
+/// The size of what is drawn of the model, as a share of the measured robot's: equal surfaces would flicker.
 const MODEL_SIZE: f64 = 0.97;
 /// What the differences of their joints are called.
 const DIFFERENCE: &str = "difference";
