@@ -75,7 +75,7 @@ def test_what_was_added_keeps_what_it_cannot_be_told_from(diagnosed: Diagnosed) 
     found, other = diagnosed.session.diagnosis, "presliding_friction@yaw"
     ((likely,),) = [[rival for rival in found.effects[0].rivals if rival.name == other]]
     (card,) = added([FRICTION], [found])
-    share = f"{100 * likely.probability:.0f} %"
+    share = f"{likely.probability:.2f}"
     assert f"cannot tell it from {other} (probability {share})" in panels.card(card)
     (card,) = added([other], [found])
     assert card.names == (other,) and f"cannot tell it from {FRICTION} (probability" in panels.card(card)

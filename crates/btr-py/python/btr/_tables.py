@@ -21,6 +21,11 @@ def cell(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
+def probability(share: float) -> str:
+    """A probability with two digits, never certain."""
+    return ">0.99" if share > 0.99 else "<0.01" if share < 0.01 else f"{share:.2f}"
+
+
 def text(rows: Rows) -> str:
     """The rows in columns of equal width."""
     if not rows:

@@ -12,7 +12,7 @@ from btr._studio.candidates import Candidate
 from btr._studio.doubts import Doubts
 from btr._studio.scene import BODY, GHOST, STEPS, Colour, colour_of
 from btr._studio.server import CLICKED, CLICKS
-from btr._tables import cell
+from btr._tables import cell, probability
 from btr.documents import Dimension, NextExperiment, RegimeFailure
 from btr.results import CompareResult
 
@@ -24,6 +24,7 @@ WARNING = "font-size:12px;line-height:1.45;color:#b45309;overflow-wrap:anywhere"
 # viser's number beside a slider is too narrow for five digits.
 WIDER = "<style>.mantine-NumberInput-root{width:4.2rem!important}</style>"
 _MOST_FLOORS = 100.0
+BLANK = "blank where it is noise, or less than on average over the joint's motion"
 OF_LADDER = (
     "These errors are of the diagnosis or the fit, which estimates where each log begins; those at the top are always "
     "of replays from the first readings."
@@ -146,7 +147,7 @@ def regimes(
         return ""
     found = comparison.failures
     went = "A click shows where it is worst." if chosen is None else _went(found[chosen])
-    head = note(f"Joints and regimes of motion, error in noise floors, of {covered}. {went}")
+    head = note(f"Joints and regimes of motion, error in noise floors, of {covered}; {BLANK}. {went}")
     return head + _map(found, joints, chosen) + note(_worst(worst, failures.named(comparison)))
 
 
@@ -200,7 +201,7 @@ def _cell(number: int, failure: RegimeFailure, is_chosen: bool) -> str:
 
 def card(candidate: Candidate) -> str:
     """A suspect: its law, how it shows, its probability and values, and what it cannot be told from."""
-    likely = "" if candidate.probability is None else f"probability {_percent(candidate.probability)}"
+    likely = "" if candidate.probability is None else f"probability {probability(candidate.probability)}"
     tried = "" if candidate.held_out is None else f"held-out error with it {floors(candidate.held_out)}"
     facts = ", ".join(fact for fact in (likely, tried) if fact)
     lines = [
@@ -219,14 +220,14 @@ def _alike(candidate: Candidate) -> str:
     """What a suspect cannot be told from, with the probabilities that are known."""
     likely = {rival.name: rival.probability for rival in candidate.rivals}
     return ", ".join(
-        f"{name} (probability {_percent(likely[name])})" if name in likely else name for name in candidate.alike
+        f"{name} (probability {probability(likely[name])})" if name in likely else name for name in candidate.alike
     )
 
 
 def _rest(candidate: Candidate) -> str:
     """Who else has a part of a suspect's probability."""
     others = [rival for rival in candidate.rivals if rival.name not in candidate.alike]
-    told = [f"{rival.name or 'the model without it'} {_percent(rival.probability)}" for rival in others]
+    told = [f"{rival.name or 'the model without it'} {probability(rival.probability)}" for rival in others]
     return f"the rest of the probability: {', '.join(told)}" if told else ""
 
 
@@ -242,10 +243,6 @@ def no_experiment(rivals: Sequence[str]) -> str:
     """Why there is nothing to do next that would tell what was found from its rivals."""
     told = f"No motion in the range of these logs separates what was found from {', '.join(rivals)}."
     return box(escape(told), "font-size:12px")
-
-
-def _percent(share: float) -> str:
-    return "> 99 %" if share > 0.99 else "< 1 %" if share < 0.01 else f"{100 * share:.0f} %"
 
 
 def verdict(finding: str, *, is_current: bool) -> str:

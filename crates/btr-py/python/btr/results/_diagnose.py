@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from btr import documents as doc
 from btr import plots
 from btr._btr import Log, Page
-from btr._tables import Rows, cell
+from btr._tables import Rows, cell, probability
 from btr.documents._common import interval
 from btr.results._base import Reported
 from btr.results._effects import names_of, removable
@@ -186,7 +186,7 @@ def _estimates(effect: doc.EffectReport, ladder: list[doc.LadderStep]) -> list[s
         learnt = f"{_percent(effect.learnt_share)} {error} on the training logs"
         shares = f"{learnt}, {_percent(effect.share)} on held-out logs"
     of = f"probability {_probability(effect)}, explains {shares}{_fall(effect, ladder)}"
-    rest = [f"{rival.name or 'the model without it'} {cell(rival.probability)}" for rival in effect.rivals]
+    rest = [f"{rival.name or 'the model without it'} {probability(rival.probability)}" for rival in effect.rivals]
     return (
         [f"\n{name}: {of}"]
         + ([f"\n  the rest of the probability: {', '.join(rest)}"] if rest else [])
@@ -214,5 +214,6 @@ def _fall(effect: doc.EffectReport, ladder: list[doc.LadderStep]) -> str:
 def _probability(support: doc.Support) -> str:
     """The probability of a finding, as a bound where it is one."""
     cap = support.probability_cap
-    is_bound = cap is not None and support.probability >= 0.99 * cap.at_most
-    return f"{'at most ' if is_bound else ''}{cell(support.probability)}"
+    if cap is not None and support.probability >= 0.99 * cap.at_most:
+        return f"at most {cap.at_most:.2f}"
+    return probability(support.probability)
