@@ -186,6 +186,7 @@ def watched(studio: Studio, page: Page, slider: Callable[[int], None], minutes: 
             slider(k)
         time.sleep(4.0)
         rows.append(((time.monotonic() - begin) / 60, studio.megabytes))
+        print(f"{rows[-1][0]:7.1f} min {rows[-1][1]:5.0f} MB", file=sys.stderr, end="\r", flush=True)
         if rows[-1][0] >= minutes:
             return np.array(rows)
 
