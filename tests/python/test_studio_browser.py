@@ -185,6 +185,7 @@ def test_a_slider_is_dragged_a_second_tab_follows_and_a_diagnosis_outlives_a_rel
     assert 17.0 < float(gain) < 19.0
     head = page.get_by_text(re.compile("^training logs")).locator("xpath=..")
     playwright.expect(head).not_to_contain_text(f"{before[0]:.2f}", timeout=PATIENCE_MS)
+    page.get_by_text(re.compile("^Set by hand: the error is .* noise floors")).wait_for()
 
     second = page.context.browser.new_page(viewport={"width": 1050, "height": 700})
     second.set_default_timeout(PATIENCE_MS)
@@ -193,6 +194,17 @@ def test_a_slider_is_dragged_a_second_tab_follows_and_a_diagnosis_outlives_a_rel
     second.get_by_role("button", name="Undo", exact=True).click()
     page.get_by_text("Undone. The model now: model as it stands.").wait_for()
     playwright.expect(number(second, GAIN)).to_have_value("20", timeout=PATIENCE_MS)
+    second.get_by_role("button", name="Redo", exact=True).click()
+    playwright.expect(number(page, GAIN)).to_have_value(gain, timeout=PATIENCE_MS)
+
+    page.get_by_text("Frozen in fits", exact=True).click()
+    page.get_by_role("checkbox", name="kp@yaw").check()
+    second.get_by_text(f"kp@yaw is frozen at {float(gain):.4g}: the next fit and diagnosis keep it.").wait_for()
+    page.get_by_text("(kp@yaw frozen) set by hand").first.wait_for()
+    for _ in range(2):
+        page.get_by_role("button", name="Undo", exact=True).click()
+    page.get_by_text("Undone. The model now: model as it stands.").wait_for()
+    playwright.expect(page.get_by_role("checkbox", name="kp@yaw")).not_to_be_checked(timeout=PATIENCE_MS)
 
     page.get_by_role("button", name="What is missing?").click()
     page.get_by_role("button", name="Cancel", exact=True).wait_for()

@@ -77,6 +77,17 @@ def test_only_the_token_opens_the_page(served: tuple[Server, str], cookie: str) 
     assert headers["X-Frame-Options"] == "DENY"
 
 
+def test_the_page_is_called_as_its_model_is(
+    served: tuple[Server, str], cookie: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server, address = served
+    monkeypatch.setattr(server.guard, "title", f"{HOSTILE} - btr studio")
+    for encoding in ({}, {"Accept-Encoding": "gzip"}):
+        _, headers, page = ask(address, Cookie=cookie, **encoding)
+        assert b"<title>&lt;img src=x onerror=alert(1)&gt; - btr studio</title>" in page
+        assert int(headers["Content-Length"]) == len(page)
+
+
 def test_other_hosts_are_refused(served: tuple[Server, str], cookie: str) -> None:
     _, address = served
     port = urlsplit(address).port

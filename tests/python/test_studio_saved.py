@@ -43,6 +43,21 @@ def test_values_set_by_hand_are_in_the_scripts(arm: Session, tmp_path: Path) -> 
     assert_scripts_come_to(arm.save(), tmp_path)
 
 
+def test_frozen_parameters_are_in_the_scripts(arm: Session, tmp_path: Path) -> None:
+    arm.freeze("kd@yaw")
+    arm.set_values({"kp@yaw": 18.2})
+    arm.freeze("kp@yaw")
+    arm.add([FRICTION])
+    saved = arm.save()
+    values = btr.load_model(saved.model).values
+    assert values["kp@yaw"] == 18.2 and values["kd@yaw"] == arm.history[0].model.values["kd@yaw"]
+    assert "frozen: kp@yaw = 18.2, kd@yaw = " in saved.model.read_text().replace("\n# ", " ")
+    assert_scripts_come_to(saved, tmp_path)
+    arm.set_values({"kp@yaw": 18.3})
+    arm.freeze("mass@upper")
+    assert_scripts_come_to(arm.save(), tmp_path)
+
+
 def test_scripts_run_in_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROBOTS)
     session = Session("arm.toml", ["arm/learn_1.csv"], held_out=["arm/held_out_1.csv"], folder=tmp_path)

@@ -204,6 +204,64 @@ def test_what_was_not_added_cannot_be_removed(arm: Session) -> None:
     assert len(arm.history) == 1
 
 
+def test_what_was_undone_can_be_done_again_until_something_else_is(arm: Session) -> None:
+    arm.set_values({"kp@yaw": 19.0})
+    arm.set_values({"kd@yaw": 0.45})
+    both, before = arm.step, arm.errors()
+    arm.undo()
+    arm.undo()
+    assert arm.can_redo and arm.redo().by_hand == {"kp@yaw": 19.0}
+    assert arm.redo() is both and arm.errors() == before
+    assert not arm.can_redo and arm.redo() is both, "nothing is left"
+    arm.undo()
+    arm.set_values({"kp@yaw": 18.0})
+    assert not arm.can_redo, "the step would be one of another model"
+
+
+def test_a_frozen_parameter_keeps_its_value_in_fits_and_diagnoses(arm: Session) -> None:
+    arm.add([FRICTION])
+    arm.set_values({"kp@yaw": 18.2})
+    by_hand = arm.errors()
+    arm.freeze("kp@yaw")
+    assert arm.errors() == by_hand and arm.step.title == f"+ {FRICTION} (kp@yaw frozen) set by hand"
+    assert arm.fit().frozen == ("kp@yaw",) and arm.model.values["kp@yaw"] == 18.2
+    arm.set_values({"kp@yaw": 18.4})
+    arm.fit()
+    assert arm.model.values["kp@yaw"] == 18.4, "it is frozen where its slider is"
+    arm.free("kp@yaw")
+    assert arm.fit().frozen == () and arm.model.values["kp@yaw"] not in (18.2, 18.4)
+    with pytest.raises(btr.BtrError, match="no free parameter of the model"):
+        arm.freeze("coulomb_friction.torque@yaw")
+
+
+def test_a_diagnosis_is_of_what_was_frozen(arm: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def found(*_: object, freeze: list[str], **__: object) -> SimpleNamespace:
+        asked.append(freeze)
+        return SimpleNamespace(verdict="nothing_missing", error_ladder=[])
+
+    monkeypatch.setattr("btr._studio.session.diagnose", found)
+    arm.diagnose()
+    assert arm.is_diagnosed
+    arm.freeze("kp@yaw")
+    assert not arm.is_diagnosed and arm.diagnosis is not None, "it is one of the model with that parameter free"
+    arm.diagnose()
+    assert arm.is_diagnosed and asked == [[], ["kp@yaw"]]
+    arm.undo()
+    assert arm.is_diagnosed, "the first diagnosis counts again"
+
+
+def test_all_can_be_removed_where_all_is_frozen(arm: Session) -> None:
+    arm.freeze("kp@yaw")
+    arm.add([FRICTION])
+    for name in arm.history[0].model.values:
+        arm.freeze(name)
+    arm.remove([FRICTION])
+    assert arm.step.added == () and arm.step.fit is None and set(arm.step.frozen) == set(arm.model.values)
+    assert arm.model.values["kp@yaw"] == 20.0
+
+
 def test_a_series_of_values_of_one_parameter_is_one_step(arm: Session) -> None:
     for kp in (19.0, 18.0, 17.5):
         arm.set_values({"kp@yaw": kp})

@@ -11,6 +11,7 @@ import viser
 from btr._studio.panels import floors
 from btr._studio.replay import Errors
 from btr._studio.step import Step
+from btr._tables import cell
 from btr.results import DiagnoseResult
 
 DONE_S = 8.0
@@ -59,6 +60,20 @@ def changed(step: Step, before: Errors, after: Errors) -> str:
 def previewed(names: Sequence[str], before: Errors, after: Errors) -> str:
     """What a fit would do to the error."""
     return f"Preview of {', '.join(names)}: the error would go {_fall(before, after)}. Nothing is added."
+
+
+def by_hand(errors: Errors) -> str:
+    """What the error is after values were set by hand."""
+    learn, held = errors
+    held_out = "" if held is None else f" (held out: {floors(held)})"
+    return f"Set by hand: the error is {floors(learn)} noise floors{held_out}."
+
+
+def frozen(name: str, step: Step) -> str:
+    """Whether fits and diagnoses keep a parameter from now on."""
+    if name not in step.frozen:
+        return f"{name} is free again: the next fit and diagnosis estimate it."
+    return f"{name} is frozen at {cell(step.model.values[name])}: the next fit and diagnosis keep it."
 
 
 def diagnosed(found: Union[DiagnoseResult, None]) -> str:

@@ -11,7 +11,8 @@ import viser
 from btr._btr import BtrError
 from btr._studio import panels
 from btr._studio.cause import Candidates, LogDoubts, Names, NextExperiment
-from btr._studio.notices import Notices, changed, diagnosed, previewed
+from btr._studio.frozen import Frozen, StandIns
+from btr._studio.notices import Notices, by_hand, changed, diagnosed, frozen, previewed
 from btr._studio.robot import Robot
 from btr._studio.saved import python, shell
 from btr._studio.server import Server
@@ -36,6 +37,7 @@ class Page:
         self._lock = threading.Lock()
         self._job: threading.Thread | None = None
         self._status = ""
+        self._was_set = False
         self._notices = Notices(server)
         self._checks = threading.Thread(target=self._check, name="btr studio check", daemon=True)
         self._redraws = Latest(self._draw)
@@ -45,6 +47,7 @@ class Page:
         self._view = View(server, session, robot, self._redraws.ask)
         self._place()
         server.guard.clicked = self._on_failure
+        server.guard.title = f"{session.model.name} - btr studio"
         self._redraws.ask()
         self._checks.start()
 
@@ -85,13 +88,16 @@ class Page:
         self._cancel = gui.add_button("Cancel", color="red", icon=viser.Icon.X, visible=False)
         self._told = gui.add_html("")
         self._verdict = gui.add_html("")
+        self._stand_ins = StandIns(self._server, self._on_freeze)
         self._doubts = LogDoubts(self._server)
         self._undo = gui.add_button("Undo", color="gray", icon=viser.Icon.ARROW_BACK_UP, disabled=True)
+        self._redo = gui.add_button("Redo", color="gray", icon=viser.Icon.ARROW_FORWARD_UP, visible=False)
         self._candidates = Candidates(self._server, self._on_add, self._on_remove, self._on_preview)
         self._next = NextExperiment(self._server, self._on_motion, self._on_end)
         self._sliders = Sliders(self._server, self._on_value, self._notices.done)
         self._fit = gui.add_button("Fit all", color="gray", icon=viser.Icon.ADJUSTMENTS)
         self._bounds = gui.add_html("")
+        self._frozen = Frozen(self._server, self._on_freeze)
         self._save = gui.add_button("Save model, report and scripts", color="gray", icon=viser.Icon.DEVICE_FLOPPY)
         self._saved = gui.add_html("")
         with gui.add_folder("The same without this page", expand_by_default=False):
@@ -99,6 +105,7 @@ class Page:
         self._ask.on_click(lambda _: self._start("simulating suspects", self._diagnose))
         self._cancel.on_click(lambda _: self._session.cancel())
         self._undo.on_click(lambda _: self._on_undo())
+        self._redo.on_click(lambda _: self._on_redo())
         self._fit.on_click(lambda _: self._start("fitting", lambda: self._fitted(self._session.fit)))
         self._save.on_click(lambda _: self._start("saving", self._write))
 
@@ -134,6 +141,16 @@ class Page:
         step = self._session.undo()
         self._changed(step)
         self._notices.done(f"Undone. The model now: {step.title}.")
+
+    def _on_redo(self) -> None:
+        step = self._session.redo()
+        self._changed(step)
+        self._notices.done(f"Done again. The model now: {step.title}.")
+
+    def _on_freeze(self, name: str, is_frozen: bool) -> None:
+        step = self._session.freeze(name) if is_frozen else self._session.free(name)
+        self._changed(step)
+        self._notices.done(frozen(name, step))
 
     def _on_value(self, name: str, value: float) -> None:
         with self._lock:
@@ -223,7 +240,8 @@ class Page:
 
     def _busy(self, busy: bool) -> None:
         self._cancel.visible = busy
-        for button in (self._ask, self._fit, self._save, *self._candidates.buttons):
+        cards = (*self._candidates.buttons, *self._stand_ins.buttons)
+        for button in (self._ask, self._fit, self._save, self._redo, *cards, *self._frozen.boxes.values()):
             button.disabled = busy
         self._undo.disabled = busy or len(self._session.history) == 1
 
@@ -233,11 +251,17 @@ class Page:
         """Shows another step."""
         with self._lock:
             self._changes.clear()
+            self._was_set = False
         self._saved.content = ""
         self._sliders.load(self._session)
         self._show_cause()
-        self._undo.disabled = len(self._session.history) == 1
+        self._frozen.load(self._session)
+        self._show_undo()
         self._redraws.ask()
+
+    def _show_undo(self) -> None:
+        self._undo.disabled = len(self._session.history) == 1
+        self._redo.visible = self._session.can_redo
 
     def _show_cause(self) -> None:
         """Shows what the diagnosis says of the present step, and the steps of its ladder."""
@@ -246,6 +270,7 @@ class Page:
         self._told.content = panels.ladder(list(self._session.ladder), "")
         self._doubts.load(self._session)
         self._bounds.content = panels.at_bounds(self._session.at_bounds)
+        self._stand_ins.load(self._session)
         self._candidates.load(self._session)
         self._next.load(self._session)
 
@@ -253,12 +278,13 @@ class Page:
         """Shows the chosen log, then the errors if nothing newer is asked for."""
         with self._lock:
             changes, self._changes = self._changes, {}
+            self._was_set |= bool(changes)
         try:
             if changes:
                 was_preview = self._session.previewed is not None or self._session.motion is not None
                 steps = len(self._session.history)
                 self._session.set_values(changes)
-                self._undo.disabled = False
+                self._show_undo()
                 self._bounds.content = panels.at_bounds(self._session.at_bounds)
                 if was_preview or len(self._session.history) != steps:
                     self._sliders.tell(self._session)
@@ -296,9 +322,17 @@ class Page:
                 return
         self._view.rest()
         try:
+            self._tell_by_hand()
             self._show_comparison()
         except BtrError as error:
             self._told.content = panels.ladder(self._session.ladder, str(error))
+
+    def _tell_by_hand(self) -> None:
+        """Says what the error is where values were set by hand: the errors at the top may be scrolled away."""
+        with self._lock:
+            was_set, self._was_set = self._was_set, False
+        if was_set and self._session.batches is None:
+            self._notices.done(by_hand(self._session.errors()))
 
     def _show_errors(self) -> None:
         step = self._session.shown
@@ -318,5 +352,6 @@ class Page:
         self._commands.content = panels.commands(shell(journey), python(journey)) if is_of_files else in_memory
         if is_first:
             self._sliders.load(self._session)
+            self._frozen.load(self._session)
             self._view.choose_worst()
             self._redraws.ask()

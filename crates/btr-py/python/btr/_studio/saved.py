@@ -6,7 +6,7 @@ import re
 import shlex
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import takewhile
 from pathlib import Path
 from typing import Union
@@ -50,6 +50,8 @@ class Journey:
     """Whether it was fitted."""
     by_hand: Mapping[str, float]
     """Values that were set last, by name."""
+    frozen: Mapping[str, float] = field(default_factory=dict)
+    """Values of the parameters that were frozen in the fit, or are to be in one, by name."""
 
     def logs(self, *, held_out: bool) -> list[str]:
         """Absolute paths of the training or of the held-out logs: a script is run from any folder."""
@@ -90,8 +92,9 @@ def commented(model: Model, journey: Journey) -> Model:
     It replaces such a comment of the first model."""
     fitted = "fitted" if journey.is_fitted else ""
     added = f"{', '.join(journey.added)} added" if journey.added else ""
-    by_hand = ", ".join(f"{name} = {cell(value)}" for name, value in journey.by_hand.items())
-    done = [part for part in (added, fitted, by_hand and f"set by hand: {by_hand}") if part]
+    by_hand, frozen = _values(journey.by_hand), _values(journey.frozen)
+    parts = (added, fitted, frozen and f"frozen: {frozen}", by_hand and f"set by hand: {by_hand}")
+    done = [part for part in parts if part]
     if not done:
         return model
     name = Path(journey.first.path).name
@@ -103,44 +106,65 @@ def commented(model: Model, journey: Journey) -> Model:
     return model._with_text("".join([*lines[:before], f"{comment}\n{_OLDER}\n", *lines[before:]]))
 
 
+def _values(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} = {cell(value)}" for name, value in values.items())
+
+
+def moved_from(model: Model, frozen: Mapping[str, float]) -> dict[str, float]:
+    """Values of frozen parameters that are not those of a model."""
+    return {name: value for name, value in frozen.items() if value != model.values[name]}
+
+
 def shell(journey: Journey) -> str:
     """Commands for a shell that lead from the first model to the present one."""
     first = journey.model_path
     logs, held = journey.logs(held_out=False), journey.logs(held_out=True)
     held_out = ["--held-out", *held] if held else []
     adding = [word for name in journey.added for word in ("--add", name)]
+    freezing = [word for name in journey.frozen for word in ("--freeze", name)]
     is_changed = bool(journey.by_hand) or not journey.is_fitted
     report = ["--report", "result.html"]
-    lines = [["btr", "compare", first, *logs], ["btr", "diagnose", first, *logs, *held_out]]
+    words = []
+    moved = moved_from(journey.first, journey.frozen)
+    if moved:
+        words.append(_setting(first, moved, "start.toml", overwrite=False))
+        first = "start.toml"
+    lines = [["btr", "compare", first, *logs], ["btr", "diagnose", first, *logs, *freezing, *held_out]]
     if journey.is_fitted:
-        fit = ["btr", "fit", first, *logs, *adding, "-o", "result.toml", *(() if is_changed else report), *held_out]
-        lines.append(fit)
-    words = [shlex.join(line) for line in lines]
+        written = ["-o", "result.toml", *(() if is_changed else report)]
+        lines.append(["btr", "fit", first, *logs, *adding, *freezing, *written, *held_out])
+    words += map(shlex.join, lines)
     if is_changed:
         begin = "result.toml" if journey.is_fitted else first
-        load = f"import btr; btr.load_model({begin!r}){_at(journey)}.save('result.toml', overwrite={journey.is_fitted})"
-        # No command sets values alone.
-        words.append(f'"${{BTR_PYTHON:-python3}}" -c {shlex.quote(load)}')
+        words.append(_setting(begin, journey.by_hand, "result.toml", overwrite=journey.is_fitted))
     words.append(shlex.join(["btr", "compare", "result.toml", *logs, *held, *(report if is_changed else ())]))
     return "#!/bin/sh\nset -e\n" + "".join(f"{line}\n" for line in words)
+
+
+def _setting(model: str, values: Mapping[str, float], path: str, *, overwrite: bool) -> str:
+    """A command that writes a model with other values: `btr` itself has none that sets values alone."""
+    load = f"import btr; btr.load_model({model!r}){_at(values)}.save({path!r}, overwrite={overwrite})"
+    return f'"${{BTR_PYTHON:-python3}}" -c {shlex.quote(load)}'
 
 
 def python(journey: Journey) -> str:
     """A Python script that leads from the first model to the present one."""
     logs, held = journey.logs(held_out=False), journey.logs(held_out=True)
     is_changed = bool(journey.by_hand) or not journey.is_fitted
-    fit = f"fitted = btr.fit(model, logs, held_out=held_out, add={list(journey.added)!r})"
+    start = _at(moved_from(journey.first, journey.frozen))
+    freeze = f", freeze={list(journey.frozen)!r}" if journey.frozen else ""
+    fit = f"fitted = btr.fit(model, logs, held_out=held_out, add={list(journey.added)!r}{freeze})"
     return "\n".join(
         [
             "import btr",
             "",
-            f"model = btr.load_model({journey.model_path!r})",
+            f"model = btr.load_model({journey.model_path!r}){start}",
             f"logs = {logs!r}",
             f"held_out = {held!r}",
             "print(btr.compare(model, logs))",
-            "print(btr.diagnose(model, logs, held_out=held_out))",
+            f"print(btr.diagnose(model, logs, held_out=held_out{freeze}))",
             *([fit] if journey.is_fitted else []),
-            f"result = {'fitted.model' if journey.is_fitted else 'model'}{_at(journey)}",
+            f"result = {'fitted.model' if journey.is_fitted else 'model'}{_at(journey.by_hand)}",
             "compared = btr.compare(result, logs + held_out)",
             "print(compared)",
             'result.save("result.toml")',
@@ -150,9 +174,9 @@ def python(journey: Journey) -> str:
     )
 
 
-def _at(journey: Journey) -> str:
-    """The call that sets the values that were set by hand; empty without any."""
-    return f".at({dict(journey.by_hand)!r})" if journey.by_hand else ""
+def _at(values: Mapping[str, float]) -> str:
+    """The call that sets values; empty without any."""
+    return f".at({dict(values)!r})" if values else ""
 
 
 def _free(folder: Path, name: str) -> str:

@@ -12,6 +12,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from html import escape
 from typing import Any, Union
 from urllib.parse import parse_qs, urlsplit
 
@@ -35,6 +36,7 @@ CLICKS = "/clicks/"
 """Address of a click, which a number follows."""
 CLICKED = "X-Btr-Studio"
 """Header of a click. No foreign page can send it: a browser would first ask whether it may."""
+VISERS_TITLE = b"<title>Viser</title>"
 _PATCHING = threading.Lock()
 
 
@@ -46,6 +48,8 @@ class Guard:
         """What the page's address holds, and then a cookie."""
         self.stands = False
         """Whether a server asks this guard."""
+        self.title = "btr studio"
+        """Title of the page."""
         self.clicked: Callable[[int], None] = lambda _: None
         """Called with the number of each click, on a thread of its own."""
         machine = socket.gethostname().lower()
@@ -85,8 +89,13 @@ class Guard:
         if number != request.path and number.isdecimal() and CLICKED in request.headers:
             threading.Thread(target=self.clicked, args=(int(number),), name="btr studio click", daemon=True).start()
             return _closed(connection.respond(http.HTTPStatus.OK, ""))
+        # The page's title is changed in its text.
+        if request.path == "/" and "Accept-Encoding" in request.headers:
+            del request.headers["Accept-Encoding"]
         response_or_none = answer(connection, request)
-        return None if response_or_none is None else _closed(response_or_none, request.headers["Host"])
+        if response_or_none is None:
+            return None
+        return _closed(_titled(response_or_none, self.title), request.headers["Host"])
 
     def _is_own(self, host: str) -> bool:
         try:
@@ -111,6 +120,15 @@ def _cookies(request: Request, name: str) -> Iterator[str]:
             key, _, value = cookie.strip().partition("=")
             if key == name:
                 yield value
+
+
+def _titled(response: Response, title: str) -> Response:
+    """viser's page with another title; any other response as it is."""
+    if VISERS_TITLE in response.body:
+        response.body = response.body.replace(VISERS_TITLE, f"<title>{escape(title)}</title>".encode(), 1)
+        del response.headers["Content-Length"]
+        response.headers["Content-Length"] = str(len(response.body))
+    return response
 
 
 def _closed(response: Response, host: str = "") -> Response:

@@ -19,7 +19,7 @@ from btr._studio.candidates import Candidate, added, candidates
 from btr._studio.doubts import Doubts, of_check, of_result
 from btr._studio.reading import runs
 from btr._studio.replay import Errors, Replay, Run, begun, learn_and_held_out, replayed
-from btr._studio.saved import Journey, Saved, save
+from btr._studio.saved import Journey, Saved, moved_from, save
 from btr._studio.step import BY_HAND, PREVIEW, Ladder, Step, ladder_of
 from btr._studio.work import Batches, Cancelled
 from btr.documents import Dimension
@@ -74,7 +74,8 @@ class Session:
         """The steps of the work that was cancelled last, as far as it came."""
         self._checked: Union[Doubts, None] = None
         self._took_s: dict[int, float] = {}
-        self._fits: dict[tuple[str, ...], Step] = {}
+        self._fits: dict[tuple[tuple[str, ...], tuple[tuple[str, float], ...]], Step] = {}
+        self._undone: list[Step] = []
         self._running: Ladder = []
         self._diagnosing: Union[Step, None] = None
         self._work: Union[Batches, None] = None
@@ -116,7 +117,7 @@ class Session:
         """The step whose diagnosis counts: that of the present model, or else the last one, if possible of a model to
         which the same was added. None before a diagnosis."""
         known = [step for step in reversed(self.history) if step.diagnosis is not None]
-        return max(known, key=lambda step: (step.model is self.model, step.added == self.step.added), default=None)
+        return max(known, key=lambda step: (self._is_of(step), step.added == self.step.added), default=None)
 
     @property
     def diagnosis(self) -> Union[DiagnoseResult, None]:
@@ -125,8 +126,16 @@ class Session:
 
     @property
     def is_diagnosed(self) -> bool:
-        """Whether `diagnosis` is of the present model."""
-        return self.diagnosed is not None and self.diagnosed.model is self.model
+        """Whether `diagnosis` is of the present model, with the same parameters frozen."""
+        return self.diagnosed is not None and self._is_of(self.diagnosed)
+
+    def _is_of(self, step: Step) -> bool:
+        return step.model is self.model and step.frozen == self.step.frozen
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether `redo` has a step to return to."""
+        return bool(self._undone)
 
     @property
     def candidates(self) -> list[Candidate]:
@@ -158,8 +167,11 @@ class Session:
     @property
     def journey(self) -> Journey:
         """How the present model came about."""
-        step = self.step
-        return Journey(self.history[0].model, self.runs, step.added, step.fit is not None, step.by_hand)
+        step, fitted = self.step, self.step.fit
+        # What was frozen in the fit counts, not what was since.
+        kept, model = (step.frozen, step.model) if fitted is None else (fitted.frozen, fitted.model)
+        frozen = {name: model.values[name] for name in kept}
+        return Journey(self.history[0].model, self.runs, step.added, fitted is not None, step.by_hand, frozen)
 
     def replay(self, number: int, of: Union[Step, None] = None) -> Replay:
         """What the shown model, or that of a step, does with the commands of a run."""
@@ -223,7 +235,8 @@ class Session:
             executor = self._executor(work)
             step = self._diagnosing = self.step
             try:
-                found = diagnose(step.model, learn, held_out=held, tell=told, executor=executor)
+                frozen = list(step.frozen)
+                found = diagnose(step.model, learn, held_out=held, freeze=frozen, tell=told, executor=executor)
             finally:
                 self._diagnosing = None
             work.must_go_on()
@@ -262,9 +275,9 @@ class Session:
             raise wrong(f"{missing[0]} was not added", f"added: {', '.join(self.step.added) or 'nothing'}")
         rest = tuple(name for name in self.step.added if name not in names)
         label = "- " + ", ".join(names)
-        if rest or self.history[0].model.parameters:
+        if rest or set(self.history[0].model.values) > set(self.step.frozen):
             return self._fitted(label, rest, tell)
-        return self._push(Step(label, self.history[0].model))
+        return self._push(Step(label, self._first(self._kept()), frozen=self.step.frozen))
 
     def fit(self, tell: Union[Callable[[], None], None] = None) -> Step:
         """Fits the free parameters with what was added, from the values of the first model."""
@@ -274,20 +287,48 @@ class Session:
         """Sets values of free parameters, in their units. A series of changes of the same ones is one step."""
         before = self.step
         others = {name: value for name, value in before.by_hand.items() if name not in values}
-        step = Step(BY_HAND, before.model.at(values), before.added, before.fit, {**others, **values})
+        by_hand = {**others, **values}
+        step = Step(BY_HAND, before.model.at(values), before.added, before.fit, by_hand, before.frozen)
         is_series = before.label == BY_HAND and list(before.by_hand)[len(others) :] == list(values)
         self.show_step()
         # A diagnosis keeps the model that it is about.
         if is_series and before.diagnosis is None and before is not self._diagnosing:
-            self.history[-1] = step
-            return step
+            self.history.pop()
         return self._push(step)
+
+    def freeze(self, name: str) -> Step:
+        """Has fits and diagnoses keep a free parameter of the first model at its present value. Raises `BtrError` if
+        the first model has no such parameter."""
+        if name not in self.history[0].model.values:
+            raise wrong(f"{name} is no free parameter of the model", "freeze one that is")
+        others = tuple(other for other in self.step.frozen if other != name)
+        return self._with_frozen(f"{name} frozen", (*others, name))
+
+    def free(self, name: str) -> Step:
+        """Has fits and diagnoses estimate a parameter again that was frozen."""
+        return self._with_frozen(f"{name} free", tuple(other for other in self.step.frozen if other != name))
+
+    def _with_frozen(self, label: str, frozen: tuple[str, ...]) -> Step:
+        """The present model, of which a new diagnosis is another one."""
+        step = self.step
+        ladder = [] if step.fit is None else ladder_of(step.fit)
+        replays = dict(step.replays)
+        return self._push(replace(step, label=label, frozen=frozen, diagnosis=None, ladder=ladder, replays=replays))
 
     def undo(self) -> Step:
         """Returns to the step before; the first one stays."""
         self.show_step()
         if len(self.history) > 1:
-            self.history.pop()
+            for undone in self._undone:
+                undone.replays.clear()
+            self._undone.append(self.history.pop())
+        return self.step
+
+    def redo(self) -> Step:
+        """Returns to the step that `undo` left last; none is left once something else was done."""
+        self.show_step()
+        if self._undone:
+            self.history.append(self._undone.pop())
         return self.step
 
     def between(self, earlier: Step, parts: int) -> Iterator[Model]:
@@ -319,17 +360,30 @@ class Session:
 
     def _fit_of(self, label: str, added: tuple[str, ...], tell: Union[Callable[[], None], None]) -> Step:
         """The first model with what was added, fitted. The same is fitted once."""
-        first = self.history[0].model
+        frozen, kept = self.step.frozen, self._kept()
+        what = (added, tuple(kept.items()))
         with self._work_on(tell) as (work, told):
-            if added not in self._fits:
+            if what not in self._fits:
                 learn, held = self._logs()
-                found = fit(first, learn, held_out=held, add=added, tell=told, executor=self._executor(work))
+                first, executor = self._first(kept), self._executor(work)
+                found = fit(first, learn, held_out=held, add=added, freeze=list(frozen), tell=told, executor=executor)
                 work.must_go_on()
-                self._fits[added] = Step(label, found.model, added, found, ladder=ladder_of(found))
-            return replace(self._fits[added], label=label)
+                self._fits[what] = Step(label, found.model, added, found, frozen=frozen, ladder=ladder_of(found))
+            return replace(self._fits[what], label=label)
+
+    def _kept(self) -> dict[str, float]:
+        """Values of what is frozen."""
+        return {name: self.model.values[name] for name in self.step.frozen}
+
+    def _first(self, kept: Mapping[str, float]) -> Model:
+        """The first model, with the values of what is frozen."""
+        first = self.history[0].model
+        moved = moved_from(first, kept)
+        return first.at(moved) if moved else first
 
     def _push(self, step: Step) -> Step:
         self.show_step()
+        self._undone.clear()
         self.history.append(step)
         # What is two steps back is simulated again where it is needed: there may be any number of steps.
         for earlier in self.history[1:-2]:

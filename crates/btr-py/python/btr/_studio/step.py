@@ -30,6 +30,8 @@ class Step:
     """The fit that this model comes from."""
     by_hand: dict[str, float] = field(default_factory=dict)
     """Values that were set since, by name."""
+    frozen: tuple[str, ...] = ()
+    """Free parameters that fits and diagnoses keep at their values from now on."""
     comparison: Union[CompareResult, None] = None
     """The error of this model; None until `Session.compare`."""
     replays: dict[int, Replay] = field(default_factory=dict)
@@ -41,11 +43,11 @@ class Step:
 
     @property
     def title(self) -> str:
-        """What the model is: what was added to the first one, and whether values were set since."""
-        added = " ".join(f"+ {name}" for name in self.added)
+        """What the model is: what was added to the first one, what is frozen, and whether values were set since."""
+        parts = [*(f"+ {name}" for name in self.added), *(f"({name} frozen)" for name in self.frozen)]
         if self.label.startswith(PREVIEW):
-            return f"{PREVIEW}{added}"
-        return f"{added} {self.label}".strip() if self.label == BY_HAND else added or self.label
+            return PREVIEW + " ".join(parts)
+        return " ".join([*parts, BY_HAND] if self.by_hand else parts) or self.label
 
 
 def ladder_of(found: Union[DiagnoseResult, FitResult]) -> Ladder:

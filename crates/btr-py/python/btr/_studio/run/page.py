@@ -15,6 +15,7 @@ from btr._studio.run import panels
 from btr._studio.run.curves import Curves
 from btr._studio.run.session import RunSession
 from btr._studio.run.view import RunView
+from btr._studio.server import Server
 from btr._studio.work import Latest
 from btr.model import Model
 
@@ -26,13 +27,14 @@ PANEL_PX = 400
 class RunPage:
     """A run in the browser."""
 
-    def __init__(self, server: viser.ViserServer, session: RunSession) -> None:
+    def __init__(self, server: Server, session: RunSession) -> None:
         """Raises `BtrError` if the robot cannot be drawn."""
         self._server, self._session = server, session
         self._lock = threading.Lock()
         self._failed = ""
         self._ended = threading.Event()
         robot, model = robot_of(session.model), session.model
+        server.guard.title = f"{session.folder.absolute().name} - btr studio"
         server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(124, 58, 237))
         self._head = server.gui.add_html("")
         with server.gui.add_folder("Conclusions", visible=False) as self._end:

@@ -1,0 +1,81 @@
+"""Which free parameters fits and diagnoses keep: boxes for all of them, and buttons for those that stand in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import viser
+
+from btr._studio import panels
+from btr._studio.session import Session
+
+FOLDER = "Frozen in fits"
+EXPLAINED = "Fits and diagnoses keep a frozen parameter at its value: freeze what you know, as from a data sheet."
+Freeze = Callable[[str, bool], None]
+
+
+class Frozen:
+    """A box for each free parameter of the first model; ticked where it is frozen."""
+
+    def __init__(self, server: viser.ViserServer, freeze: Freeze) -> None:
+        """`freeze` is called with a parameter, and whether it is to be frozen."""
+        self._gui, self._freeze = server.gui, freeze
+        self._place = self._gui.add_folder(FOLDER, expand_by_default=False)
+        with self._place:
+            self._gui.add_html(panels.note(EXPLAINED))
+        self.boxes: dict[str, Any] = {}
+        """The boxes by the parameter's name."""
+
+    def load(self, session: Session) -> None:
+        """Shows what is frozen in the present step."""
+        names = [dim.name for dim in session.history[0].model.parameters]
+        self._place.visible = bool(names)
+        with self._place:
+            for name in names:
+                if name not in self.boxes:
+                    self.boxes[name] = self._box(name)
+        frozen = session.step.frozen
+        for name, box in self.boxes.items():
+            box.value = name in frozen
+        self._place.label = f"{FOLDER} ({len(frozen)})" if frozen else FOLDER
+
+    def _box(self, name: str) -> Any:
+        box = self._gui.add_checkbox(name, False)
+
+        def ticked(event: Any) -> None:
+            # What the page itself shows is no change.
+            if event.client is not None:
+                self._freeze(name, box.value)
+
+        box.on_update(ticked)
+        return box
+
+
+class StandIns:
+    """Buttons below a verdict, for parameters that may stand in for an effect in it."""
+
+    def __init__(self, server: viser.ViserServer, freeze: Freeze) -> None:
+        self._gui, self._freeze = server.gui, freeze
+        self._place = self._gui.add_folder("May stand in for an effect", visible=False)
+        self.buttons: list[Any] = []
+        """The buttons."""
+
+    def load(self, session: Session) -> None:
+        """Shows those of the diagnosis of the present model."""
+        for button in self.buttons:
+            button.remove()
+        self.buttons = []
+        found = session.diagnosis
+        known = session.history[0].model.values
+        taken = [] if found is None or not session.is_diagnosed else found.stand_ins
+        names = [stand_in.parameter for stand_in in taken if stand_in.parameter in known]
+        self._place.visible = bool(names)
+        with self._place:
+            for name in names:
+                self.buttons.append(self._button(name))
+
+    def _button(self, name: str) -> Any:
+        button = self._gui.add_button(f"Freeze {name}", color="gray", icon=viser.Icon.SNOWFLAKE)
+        button.on_click(lambda _: self._freeze(name, True))
+        return button
