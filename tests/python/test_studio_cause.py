@@ -39,10 +39,10 @@ def test_cards_say_what_is_known_of_a_suspect(diagnosed: Diagnosed) -> None:
     assert first.values[0].startswith("coulomb_friction.torque@yaw = 0.2")
     presliding = next(other for other in others if other.names == ("presliding_friction@yaw",))
     assert others and all(0.0 <= other.probability < 0.5 for other in others) and presliding.probability > 0.01
-    share = f"{100 * presliding.probability:.0f} %"
+    share = f"{presliding.probability:.2f}"
     assert f"cannot tell it from presliding_friction@yaw (probability {share})" in panels.card(first)
     assert f"probability {share}, held-out error" in panels.card(presliding)
-    assert any("probability &lt; 1 %" in panels.card(other) for other in others)
+    assert any("probability &lt;0.01" in panels.card(other) for other in others)
     assert FRICTION not in [name for other in others for name in other.names]
 
 
@@ -59,7 +59,7 @@ def test_a_value_that_is_wrong_is_a_suspect() -> None:
     assert "found beside" not in panels.card(card)
     assert card.names == ("mass@upper",)
     assert card.law == "mass@upper: 0.5 kg in the logs, 0.7 in the model"
-    assert "the rest of the probability: the model without it 7 %, payload@upper 3 %" in panels.card(card)
+    assert "the rest of the probability: the model without it 0.07, payload@upper 0.03" in panels.card(card)
 
 
 def test_what_was_added_is_no_suspect(arm: Session) -> None:

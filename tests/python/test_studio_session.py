@@ -253,13 +253,46 @@ def test_a_diagnosis_is_of_what_was_frozen(arm: Session, monkeypatch: pytest.Mon
 
 
 def test_all_can_be_removed_where_all_is_frozen(arm: Session) -> None:
+    arm.set_values({"kp@yaw": 18.2})
     arm.freeze("kp@yaw")
     arm.add([FRICTION])
     for name in arm.history[0].model.values:
         arm.freeze(name)
     arm.remove([FRICTION])
     assert arm.step.added == () and arm.step.fit is None and set(arm.step.frozen) == set(arm.model.values)
-    assert arm.model.values["kp@yaw"] == 20.0
+    assert arm.model.values["kp@yaw"] == 18.2
+    arm.free("kp@yaw")
+    journey = arm.journey
+    assert journey.first.at(journey.by_hand).values == arm.model.values, "scripts come to the same"
+
+
+def test_freezing_and_freeing_is_no_step_where_nothing_changes(arm: Session) -> None:
+    for name in ("kp@yaw", "kd@yaw"):
+        arm.freeze(name)
+    both, steps = arm.step.frozen, len(arm.history)
+    assert arm.freeze("kd@yaw") is arm.step and arm.free("mass@upper") is arm.step and len(arm.history) == steps
+    arm.free("kp@yaw")
+    assert arm.freeze("kp@yaw").frozen == both, "in the order of the model"
+
+
+def test_a_ladder_of_a_fit_is_not_of_values_that_were_set_since(arm: Session) -> None:
+    arm.fit()
+    assert arm.freeze("kp@yaw").ladder and arm.step.title == "fitted (kp@yaw frozen)"
+    arm.set_values({"kd@yaw": 0.45})
+    assert not arm.freeze("kd@yaw").ladder
+
+
+def test_a_parameter_without_a_value_of_its_own_cannot_be_frozen(tmp_path: Path) -> None:
+    lines = (ROBOTS / "arm.toml").read_text().splitlines()
+    own = "\n".join(line for line in lines if not line.startswith('"kp@'))
+    assert own.count('"arm.urdf"') == own.count("[parameters]") == 1
+    shared = own.replace("[parameters]", '[parameters]\n"kp@*" = { bounds = [10.0, 30.0], shared = true }')
+    model = tmp_path / "arm.toml"
+    model.write_text(shared.replace('"arm.urdf"', f'"{ROBOTS}/arm.urdf"'))
+    session = Session(model, [ROBOTS / "arm/learn_1.csv"])
+    assert "kp@*" in session.model.values and "kp@*" not in session.freezable
+    with pytest.raises(btr.BtrError, match="has a value of its own"):
+        session.freeze("kp@*")
 
 
 def test_a_series_of_values_of_one_parameter_is_one_step(arm: Session) -> None:

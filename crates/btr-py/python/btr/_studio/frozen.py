@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from typing import Any
 
@@ -16,7 +17,7 @@ Freeze = Callable[[str, bool], None]
 
 
 class Frozen:
-    """A box for each free parameter of the first model; ticked where it is frozen."""
+    """A box for each parameter that can be frozen; ticked where it is."""
 
     def __init__(self, server: viser.ViserServer, freeze: Freeze) -> None:
         """`freeze` is called with a parameter, and whether it is to be frozen."""
@@ -29,7 +30,7 @@ class Frozen:
 
     def load(self, session: Session) -> None:
         """Shows what is frozen in the present step."""
-        names = [dim.name for dim in session.history[0].model.parameters]
+        names = session.freezable
         self._place.visible = bool(names)
         with self._place:
             for name in names:
@@ -43,10 +44,11 @@ class Frozen:
     def _box(self, name: str) -> Any:
         box = self._gui.add_checkbox(name, False)
 
-        def ticked(event: Any) -> None:
-            # What the page itself shows is no change.
+        async def ticked(event: Any) -> None:
+            # What the page itself shows is no change. Of two boxes that are ticked at once, the first shows all of
+            # them as they were: the value is read before that, and the work is not for this thread.
             if event.client is not None:
-                self._freeze(name, box.value)
+                asyncio.get_running_loop().run_in_executor(None, self._freeze, name, bool(box.value))
 
         box.on_update(ticked)
         return box
@@ -67,9 +69,8 @@ class StandIns:
             button.remove()
         self.buttons = []
         found = session.diagnosis
-        known = session.history[0].model.values
         taken = [] if found is None or not session.is_diagnosed else found.stand_ins
-        names = [stand_in.parameter for stand_in in taken if stand_in.parameter in known]
+        names = [stand_in.parameter for stand_in in taken if stand_in.parameter in session.freezable]
         self._place.visible = bool(names)
         with self._place:
             for name in names:

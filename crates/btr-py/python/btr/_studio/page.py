@@ -38,6 +38,8 @@ class Page:
         self._job: threading.Thread | None = None
         self._status = ""
         self._was_set = False
+        self._is_busy = False
+        self._showing = threading.RLock()
         self._notices = Notices(server)
         self._checks = threading.Thread(target=self._check, name="btr studio check", daemon=True)
         self._redraws = Latest(self._draw)
@@ -98,6 +100,7 @@ class Page:
         self._fit = gui.add_button("Fit all", color="gray", icon=viser.Icon.ADJUSTMENTS)
         self._bounds = gui.add_html("")
         self._frozen = Frozen(self._server, self._on_freeze)
+        self._frozen.load(self._session)
         self._save = gui.add_button("Save model, report and scripts", color="gray", icon=viser.Icon.DEVICE_FLOPPY)
         self._saved = gui.add_html("")
         with gui.add_folder("The same without this page", expand_by_default=False):
@@ -138,16 +141,25 @@ class Page:
         self._view.go_to(number)
 
     def _on_undo(self) -> None:
+        if self._is_busy:
+            return
         step = self._session.undo()
         self._changed(step)
         self._notices.done(f"Undone. The model now: {step.title}.")
 
     def _on_redo(self) -> None:
+        if self._is_busy:
+            return
         step = self._session.redo()
         self._changed(step)
         self._notices.done(f"Done again. The model now: {step.title}.")
 
     def _on_freeze(self, name: str, is_frozen: bool) -> None:
+        if self._is_busy:
+            # A click just before the boxes were disabled.
+            self._frozen.load(self._session)
+            return
+        self._set_values()
         step = self._session.freeze(name) if is_frozen else self._session.free(name)
         self._changed(step)
         self._notices.done(frozen(name, step))
@@ -204,6 +216,7 @@ class Page:
         with self._lock:
             if self._job is not None and self._job.is_alive():
                 return
+            self._is_busy = True
             self._job = threading.Thread(target=self._run, args=(status, work), name="btr studio job", daemon=True)
             self._job.start()
 
@@ -239,11 +252,11 @@ class Page:
         self._told.content = panels.ladder(list(self._session.ladder), self._status)
 
     def _busy(self, busy: bool) -> None:
-        self._cancel.visible = busy
+        self._is_busy = self._cancel.visible = busy
         cards = (*self._candidates.buttons, *self._stand_ins.buttons)
         for button in (self._ask, self._fit, self._save, self._redo, *cards, *self._frozen.boxes.values()):
             button.disabled = busy
-        self._undo.disabled = busy or len(self._session.history) == 1
+        self._show_undo()
 
     # What is shown.
 
@@ -252,38 +265,37 @@ class Page:
         with self._lock:
             self._changes.clear()
             self._was_set = False
-        self._saved.content = ""
-        self._sliders.load(self._session)
-        self._show_cause()
-        self._frozen.load(self._session)
-        self._show_undo()
+        with self._showing:
+            self._saved.content = ""
+            self._sliders.load(self._session)
+            self._show_cause()
+            self._frozen.load(self._session)
+            self._show_undo()
         self._redraws.ask()
 
     def _show_undo(self) -> None:
-        self._undo.disabled = len(self._session.history) == 1
+        self._undo.disabled = self._is_busy or len(self._session.history) == 1
         self._redo.visible = self._session.can_redo
 
     def _show_cause(self) -> None:
         """Shows what the diagnosis says of the present step, and the steps of its ladder."""
-        found, is_current = self._session.diagnosis, self._session.is_diagnosed
-        self._verdict.content = "" if found is None else panels.verdict(found._finding(), is_current=is_current)
-        self._told.content = panels.ladder(list(self._session.ladder), "")
-        self._doubts.load(self._session)
-        self._bounds.content = panels.at_bounds(self._session.at_bounds)
-        self._stand_ins.load(self._session)
-        self._candidates.load(self._session)
-        self._next.load(self._session)
+        with self._showing:
+            found, is_current = self._session.diagnosis, self._session.is_diagnosed
+            self._verdict.content = "" if found is None else panels.verdict(found._finding(), is_current=is_current)
+            self._told.content = panels.ladder(list(self._session.ladder), "")
+            self._doubts.load(self._session)
+            self._bounds.content = panels.at_bounds(self._session.at_bounds)
+            self._stand_ins.load(self._session)
+            self._candidates.load(self._session)
+            self._next.load(self._session)
 
     def _draw(self, is_stale: Callable[[], bool]) -> None:
         """Shows the chosen log, then the errors if nothing newer is asked for."""
-        with self._lock:
-            changes, self._changes = self._changes, {}
-            self._was_set |= bool(changes)
         try:
+            was_preview = self._session.previewed is not None or self._session.motion is not None
+            steps = len(self._session.history)
+            changes = self._set_values()
             if changes:
-                was_preview = self._session.previewed is not None or self._session.motion is not None
-                steps = len(self._session.history)
-                self._session.set_values(changes)
                 self._show_undo()
                 self._bounds.content = panels.at_bounds(self._session.at_bounds)
                 if was_preview or len(self._session.history) != steps:
@@ -303,6 +315,15 @@ class Page:
         except BtrError as error:
             self._told.content = panels.ladder(self._session.ladder, str(error))
         self._comparisons.ask()
+
+    def _set_values(self) -> dict[str, float]:
+        """Sets the values of sliders that were moved since, and returns them."""
+        with self._lock:
+            changes, self._changes = self._changes, {}
+            self._was_set |= bool(changes)
+        if changes:
+            self._session.set_values(changes)
+        return changes
 
     def _check(self) -> None:
         """Shows what is doubtful about the logs, before anything is asked."""
@@ -331,7 +352,7 @@ class Page:
         """Says what the error is where values were set by hand: the errors at the top may be scrolled away."""
         with self._lock:
             was_set, self._was_set = self._was_set, False
-        if was_set and self._session.batches is None:
+        if was_set and self._session.floors and not self._is_busy:
             self._notices.done(by_hand(self._session.errors()))
 
     def _show_errors(self) -> None:
@@ -352,6 +373,5 @@ class Page:
         self._commands.content = panels.commands(shell(journey), python(journey)) if is_of_files else in_memory
         if is_first:
             self._sliders.load(self._session)
-            self._frozen.load(self._session)
             self._view.choose_worst()
             self._redraws.ask()

@@ -127,8 +127,8 @@ def shell(journey: Journey) -> str:
     words = []
     moved = moved_from(journey.first, journey.frozen)
     if moved:
-        words.append(_setting(first, moved, "start.toml", overwrite=False))
-        first = "start.toml"
+        words.append(_setting(first, moved, "result-start.toml", overwrite=False))
+        first = "result-start.toml"
     lines = [["btr", "compare", first, *logs], ["btr", "diagnose", first, *logs, *freezing, *held_out]]
     if journey.is_fitted:
         written = ["-o", "result.toml", *(() if is_changed else report)]

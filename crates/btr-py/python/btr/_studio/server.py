@@ -125,7 +125,8 @@ def _cookies(request: Request, name: str) -> Iterator[str]:
 def _titled(response: Response, title: str) -> Response:
     """viser's page with another title; any other response as it is."""
     if VISERS_TITLE in response.body:
-        response.body = response.body.replace(VISERS_TITLE, f"<title>{escape(title)}</title>".encode(), 1)
+        ours = f"<title>{escape(title)}</title>".encode(errors="replace")
+        response.body = response.body.replace(VISERS_TITLE, ours, 1)
         del response.headers["Content-Length"]
         response.headers["Content-Length"] = str(len(response.body))
     return response

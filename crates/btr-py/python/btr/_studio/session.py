@@ -20,7 +20,7 @@ from btr._studio.doubts import Doubts, of_check, of_result
 from btr._studio.reading import runs
 from btr._studio.replay import Errors, Replay, Run, begun, learn_and_held_out, replayed
 from btr._studio.saved import Journey, Saved, moved_from, save
-from btr._studio.step import BY_HAND, PREVIEW, Ladder, Step, ladder_of
+from btr._studio.step import BY_HAND, FITTED, PREVIEW, Ladder, Step, ladder_of
 from btr._studio.work import Batches, Cancelled
 from btr.documents import Dimension
 from btr.model import Model, loaded
@@ -31,6 +31,8 @@ PART_TAKES_S = 0.01
 """How long the beginning of a simulation may take that is shown before the whole."""
 SHOWN_S = 1.0
 """How much of a simulation is shown after the time that is shown, at least."""
+MOST_FITS = 20
+"""How many fits are kept, so that the same is not fitted again."""
 MOST_OF_RUN = 0.7
 """Share of a run from which on the whole is simulated at once."""
 
@@ -76,6 +78,7 @@ class Session:
         self._took_s: dict[int, float] = {}
         self._fits: dict[tuple[tuple[str, ...], tuple[tuple[str, float], ...]], Step] = {}
         self._undone: list[Step] = []
+        self._stepping = threading.RLock()
         self._running: Ladder = []
         self._diagnosing: Union[Step, None] = None
         self._work: Union[Batches, None] = None
@@ -176,11 +179,12 @@ class Session:
     def replay(self, number: int, of: Union[Step, None] = None) -> Replay:
         """What the shown model, or that of a step, does with the commands of a run."""
         step = of or self.shown
-        if number not in step.replays:
+        known = step.replays.get(number)
+        if known is None:
             before = time.perf_counter()
-            step.replays[number] = replayed(step.model, self.runs[number])
+            known = step.replays[number] = replayed(step.model, self.runs[number])
             self._took_s[number] = time.perf_counter() - before
-        return step.replays[number]
+        return known
 
     def part(self, number: int, time_s: float) -> Union[Replay, None]:
         """The beginning of `replay`, up to a time at least, where the whole takes long; None where it does not."""
@@ -277,59 +281,78 @@ class Session:
         label = "- " + ", ".join(names)
         if rest or set(self.history[0].model.values) > set(self.step.frozen):
             return self._fitted(label, rest, tell)
-        return self._push(Step(label, self._first(self._kept()), frozen=self.step.frozen))
+        # Without a fit, values of what is frozen are values that were set by hand.
+        kept = self._kept()
+        moved = moved_from(self.history[0].model, kept)
+        return self._push(Step(label, self._first(kept), by_hand=moved, frozen=self.step.frozen))
 
     def fit(self, tell: Union[Callable[[], None], None] = None) -> Step:
         """Fits the free parameters with what was added, from the values of the first model."""
-        return self._fitted("fitted", self.step.added, tell)
+        return self._fitted(FITTED, self.step.added, tell)
 
     def set_values(self, values: Mapping[str, float]) -> Step:
         """Sets values of free parameters, in their units. A series of changes of the same ones is one step."""
-        before = self.step
-        others = {name: value for name, value in before.by_hand.items() if name not in values}
-        by_hand = {**others, **values}
-        step = Step(BY_HAND, before.model.at(values), before.added, before.fit, by_hand, before.frozen)
-        is_series = before.label == BY_HAND and list(before.by_hand)[len(others) :] == list(values)
-        self.show_step()
-        # A diagnosis keeps the model that it is about.
-        if is_series and before.diagnosis is None and before is not self._diagnosing:
-            self.history.pop()
-        return self._push(step)
+        with self._stepping:
+            before = self.step
+            others = {name: value for name, value in before.by_hand.items() if name not in values}
+            by_hand = {**others, **values}
+            step = Step(BY_HAND, before.model.at(values), before.added, before.fit, by_hand, before.frozen)
+            is_series = before.label == BY_HAND and list(before.by_hand)[len(others) :] == list(values)
+            # A diagnosis keeps the model that it is about.
+            if not is_series or before.diagnosis is not None or before is self._diagnosing:
+                return self._push(step)
+            self.show_step()
+            self._forget_undone()
+            self.history[-1] = step
+            return step
 
     def freeze(self, name: str) -> Step:
-        """Has fits and diagnoses keep a free parameter of the first model at its present value. Raises `BtrError` if
-        the first model has no such parameter."""
-        if name not in self.history[0].model.values:
-            raise wrong(f"{name} is no free parameter of the model", "freeze one that is")
-        others = tuple(other for other in self.step.frozen if other != name)
-        return self._with_frozen(f"{name} frozen", (*others, name))
+        """Has fits and diagnoses keep a parameter at its present value. Raises `BtrError` if it is not `freezable`."""
+        if name not in self.freezable:
+            raise wrong(f"{name} is no free parameter of the model", "freeze one that is, and has a value of its own")
+        return self._with_frozen(f"{name} frozen", {*self.step.frozen, name})
 
     def free(self, name: str) -> Step:
         """Has fits and diagnoses estimate a parameter again that was frozen."""
-        return self._with_frozen(f"{name} free", tuple(other for other in self.step.frozen if other != name))
+        return self._with_frozen(f"{name} free", {*self.step.frozen} - {name})
 
-    def _with_frozen(self, label: str, frozen: tuple[str, ...]) -> Step:
+    @property
+    def freezable(self) -> list[str]:
+        """Free parameters of the first model that have a value to keep: one shared by sites may have none."""
+        return [dim.name for dim in self.history[0].model.parameters if dim.nominal is not None]
+
+    def _with_frozen(self, label: str, names: set[str]) -> Step:
         """The present model, of which a new diagnosis is another one."""
-        step = self.step
-        ladder = [] if step.fit is None else ladder_of(step.fit)
-        replays = dict(step.replays)
-        return self._push(replace(step, label=label, frozen=frozen, diagnosis=None, ladder=ladder, replays=replays))
+        with self._stepping:
+            step, frozen = self.step, tuple(name for name in self.freezable if name in names)
+            if frozen == step.frozen:
+                return step
+            ladder = [] if step.fit is None or step.by_hand else ladder_of(step.fit)
+            replays = dict(step.replays)
+            return self._push(replace(step, label=label, frozen=frozen, diagnosis=None, ladder=ladder, replays=replays))
 
     def undo(self) -> Step:
         """Returns to the step before; the first one stays."""
-        self.show_step()
-        if len(self.history) > 1:
-            for undone in self._undone:
-                undone.replays.clear()
-            self._undone.append(self.history.pop())
-        return self.step
+        with self._stepping:
+            self.show_step()
+            if len(self.history) > 1:
+                for undone in self._undone:
+                    undone.replays.clear()
+                self._undone.append(self.history.pop())
+            return self.step
 
     def redo(self) -> Step:
         """Returns to the step that `undo` left last; none is left once something else was done."""
-        self.show_step()
-        if self._undone:
-            self.history.append(self._undone.pop())
-        return self.step
+        with self._stepping:
+            self.show_step()
+            if self._undone:
+                self.history.append(self._undone.pop())
+            return self.step
+
+    def _forget_undone(self) -> None:
+        for undone in self._undone:
+            undone.replays.clear()
+        self._undone.clear()
 
     def between(self, earlier: Step, parts: int) -> Iterator[Model]:
         """Models on the straight way from an earlier step's values to the present ones, `parts` of them, the present
@@ -369,7 +392,10 @@ class Session:
                 found = fit(first, learn, held_out=held, add=added, freeze=list(frozen), tell=told, executor=executor)
                 work.must_go_on()
                 self._fits[what] = Step(label, found.model, added, found, frozen=frozen, ladder=ladder_of(found))
-            return replace(self._fits[what], label=label)
+            fitted = replace(self._fits[what], label=label)
+            if len(self._fits) > MOST_FITS:
+                self._fits.pop(next(iter(self._fits)))
+            return fitted
 
     def _kept(self) -> dict[str, float]:
         """Values of what is frozen."""
@@ -382,13 +408,14 @@ class Session:
         return first.at(moved) if moved else first
 
     def _push(self, step: Step) -> Step:
-        self.show_step()
-        self._undone.clear()
-        self.history.append(step)
-        # What is two steps back is simulated again where it is needed: there may be any number of steps.
-        for earlier in self.history[1:-2]:
-            earlier.replays.clear()
-        return step
+        with self._stepping:
+            self.show_step()
+            self._forget_undone()
+            self.history.append(step)
+            # What is two steps back is simulated again where it is needed: there may be any number of steps.
+            for earlier in self.history[1:-2]:
+                earlier.replays.clear()
+            return step
 
     def _logs(self) -> tuple[list[Log], list[Log]]:
         """The training and the held-out logs."""

@@ -12,6 +12,7 @@ from btr.results import CompareResult, DiagnoseResult, FitResult
 Ladder = list[tuple[str, float, Union[float, None]]]
 """Steps of the error ladder: what was done, and the errors on the training and held-out logs in noise floors."""
 
+FITTED = "fitted"
 BY_HAND = "set by hand"
 PREVIEW = "preview: "
 
@@ -44,7 +45,8 @@ class Step:
     @property
     def title(self) -> str:
         """What the model is: what was added to the first one, what is frozen, and whether values were set since."""
-        parts = [*(f"+ {name}" for name in self.added), *(f"({name} frozen)" for name in self.frozen)]
+        added = [f"+ {name}" for name in self.added] or ([FITTED] if self.fit is not None else [])
+        parts = [*added, *(f"({name} frozen)" for name in self.frozen)]
         if self.label.startswith(PREVIEW):
             return PREVIEW + " ".join(parts)
         return " ".join([*parts, BY_HAND] if self.by_hand else parts) or self.label
