@@ -27,6 +27,7 @@ def test_suspects_have_the_order_of_the_ladder() -> None:
     steps = (*steps, "coulomb_friction@yaw for asymmetric_friction@yaw")
     ladder = [{"step": step, "train": 1.0, "held_out": None} for step in steps]
     document = {"verdict": "effect_missing", "effects": effects, "wrong_values": [value], "ranking": []}
+    document["stand_ins"] = []
     found = candidates(btr.DiagnoseResult({**document, "error_ladder": ladder}, None, None, None))
     assert [each.title for each in found] == ["kp@yaw", "backlash@yaw", "coulomb_friction@yaw"]
     assert found[1].beside == ("kp@yaw",)
@@ -53,8 +54,11 @@ def test_a_value_that_is_wrong_is_a_suspect() -> None:
     report = {**value, "parameters": [{**estimate, "in_model": 0.7}]}
     other = {**report, "parameters": [{**estimate, "name": "mass@fore", "in_model": 0.6}]}
     document = {"verdict": "value_wrong", "effects": [], "wrong_values": [report, other], "ranking": []}
+    document["stand_ins"] = [{"parameter": "kd@upper", "effects": ["viscous_friction@upper"]}]
     document["error_ladder"] = []
-    card, second = candidates(btr.DiagnoseResult(document, None, None, None))
+    card, second, stood_in = candidates(btr.DiagnoseResult(document, None, None, None))
+    assert stood_in.names == ("viscous_friction@upper",) and not stood_in.established
+    assert "explains these logs as well where kd@upper is frozen" in panels.card(stood_in)
     assert "found beside mass@upper: add that first, or all" in panels.card(second)
     assert "found beside" not in panels.card(card)
     assert card.names == ("mass@upper",)
@@ -103,7 +107,9 @@ def test_doubts_are_those_of_the_logs_until_a_fit_explains_some(arm: Session, tm
     assert session.doubts.findings == checked
 
 
-def test_what_was_done_is_told_with_the_change_of_the_error(diagnosed: Diagnosed) -> None:
+def test_what_was_done_is_told_with_the_change_of_the_error(
+    diagnosed: Diagnosed, monkeypatch: pytest.MonkeyPatch
+) -> None:
     notices = pytest.importorskip("btr._studio.notices", reason="the studio needs viser")
     model, before, after = diagnosed.session.model, (20.4, 21.3), (1.02, 0.999)
     fell = "from 20.4 to 1.02 noise floors (held out: from 21.3 to 1.00)"
@@ -114,6 +120,12 @@ def test_what_was_done_is_told_with_the_change_of_the_error(diagnosed: Diagnosed
     assert notices.changed(replace(step, label="fitted"), before, after).startswith("Fitted: ")
     assert notices.previewed(["a@b"], before, after) == f"Preview of a@b: the error would go {fell}. Nothing is added."
     assert notices.diagnosed(diagnosed.session.diagnosis) == f"Diagnosis done: effect missing ({FRICTION})."
+    stopped = btr.DiagnoseResult({"verdict": "unexplained", "cut_short": True}, None, None, None)
+    monkeypatch.setattr(btr.DiagnoseResult, "names", [])
+    assert notices.diagnosed(stopped) == "Diagnosis cut short, so far: unexplained."
+    kept = replace(step, frozen=("kp@yaw",))
+    assert notices.frozen("kp@yaw", kept, model).startswith("kp@yaw is frozen at 20: ")
+    assert "at 20 (in the model as it stands: 19): " in notices.frozen("kp@yaw", kept, model.at({"kp@yaw": 19.0}))
 
 
 def test_rivals_without_an_experiment_are_told() -> None:

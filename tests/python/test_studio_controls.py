@@ -12,6 +12,7 @@ pytest.importorskip("viser", reason="the studio needs viser")
 import btr
 from btr._studio.candidates import plain
 from btr._studio.cause import Candidates
+from btr._studio.frozen import StandIns
 from btr._studio.notices import Notices
 from btr._studio.server import Server
 from btr._studio.session import Session
@@ -100,3 +101,21 @@ def test_all_that_is_established_can_be_added_at_once() -> None:
     session.candidates = [found[0], other]
     cards.load(session)
     assert all("Add all" not in button.label for button in cards.buttons)
+
+
+def test_what_stands_in_for_an_effect_can_be_frozen_until_it_is() -> None:
+    server, asked = MagicMock(), []
+    server.gui.add_button.side_effect = lambda label, **_: MagicMock(label=label)
+    stand_ins = StandIns(server, lambda name, value: asked.append((name, value)))
+    taken = [SimpleNamespace(parameter=name, in_model=0.2) for name in ("kd@hinge", "friction.torque@hinge")]
+    step, found = SimpleNamespace(frozen=()), SimpleNamespace(stand_ins=taken)
+    session = SimpleNamespace(step=step, diagnosis=found, is_diagnosed=False, freezable=["kd@hinge"])
+    stand_ins.load(session)
+    (button,) = stand_ins.buttons
+    assert button.label == "Freeze kd@hinge at 0.2"
+    (act,) = button.on_click.call_args.args
+    act(None)
+    assert asked == [("kd@hinge", 0.2)], "the value that the diagnosed model states"
+    session.step = SimpleNamespace(frozen=("kd@hinge",))
+    stand_ins.load(session)
+    assert stand_ins.buttons == []

@@ -118,6 +118,7 @@ pub fn diagnose(
     let diagnosis = btr_identify::diagnose::diagnose(&mut objective, options, on_step)?;
     let glitches = input.in_files(&diagnosis.glitches);
     let is_at_bound = |name: &str| diagnosis.at_bound.iter().any(|other| other == name);
+    let residual_law = residual_law(input, &diagnosis);
     let report = DiagnoseReport {
         ok: true,
         verdict: diagnosis.verdict,
@@ -132,10 +133,11 @@ pub fn diagnose(
         left_over: diagnosis.left_over.clone(),
         stand_ins: diagnosis.stand_ins.clone(),
         noise_stated_low: match diagnosis.verdict {
-            Verdict::Unexplained | Verdict::PartlyExplained => stated_low(input, &diagnosis),
-            Verdict::EffectMissing | Verdict::ValueWrong | Verdict::NothingMissing => Vec::new(),
+            // What follows a law is no noise.
+            Verdict::Unexplained | Verdict::PartlyExplained if residual_law.is_none() => stated_low(input, &diagnosis),
+            _ => Vec::new(),
         },
-        residual_law: residual_law(input, &diagnosis),
+        residual_law,
         next_experiment: input.next_experiment(&diagnosis.rivals),
         integrator_error: diagnosis.integrator_error,
         time_step_s: input.time_step_s(objective.step()),

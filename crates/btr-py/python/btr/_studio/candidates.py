@@ -42,6 +42,8 @@ class Candidate:
     """Error on the held-out logs with it, in noise floors; None where that is not known."""
     beside: tuple[str, ...] = ()
     """What the diagnosis had found before it, and had in the model."""
+    instead: str = ""
+    """The free parameter that may stand in for it; empty for none."""
 
     @property
     def title(self) -> str:
@@ -64,7 +66,14 @@ def candidates(found: DiagnoseResult) -> list[Candidate]:
     others = [ranked for ranks in found.ranking[:1] for ranked in ranks if ranked.name not in known]
     supports = [*found.effects, *found.wrong_values]
     likely = {rival.name: rival.probability for support in supports for rival in support.rivals}
-    return named + [_other(ranked, likely) for ranked in others[:MOST_OTHERS]]
+    ranked = [_other(other, likely) for other in others[:MOST_OTHERS]]
+    known.update(name for other in ranked for name in other.names)
+    return named + ranked + [other for other in _stood_in(found) if other.title not in known]
+
+
+def _stood_in(found: DiagnoseResult) -> list[Candidate]:
+    """Effects that a free parameter may stand in for."""
+    return [replace(plain(name), instead=taken.parameter) for taken in found.stand_ins for name in taken.effects]
 
 
 def added(names: Sequence[str], diagnoses: Sequence[DiagnoseResult]) -> list[Candidate]:

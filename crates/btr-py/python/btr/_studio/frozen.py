@@ -10,9 +10,10 @@ import viser
 
 from btr._studio import panels
 from btr._studio.session import Session
+from btr._tables import cell
 
 FOLDER = "Frozen in fits"
-EXPLAINED = "Fits and diagnoses keep a frozen parameter at its value: freeze what you know, as from a data sheet."
+EXPLAINED = "Fits and diagnoses keep a frozen parameter at its value: set what you know by its slider, then freeze it."
 Freeze = Callable[[str, bool], None]
 
 
@@ -57,26 +58,28 @@ class Frozen:
 class StandIns:
     """Buttons below a verdict, for parameters that may stand in for an effect in it."""
 
-    def __init__(self, server: viser.ViserServer, freeze: Freeze) -> None:
+    def __init__(self, server: viser.ViserServer, freeze: Callable[[str, float], None]) -> None:
+        """`freeze` is called with a parameter and the value that the diagnosed model states."""
         self._gui, self._freeze = server.gui, freeze
         self._place = self._gui.add_folder("May stand in for an effect", visible=False)
         self.buttons: list[Any] = []
         """The buttons."""
 
     def load(self, session: Session) -> None:
-        """Shows those of the diagnosis of the present model."""
+        """Shows those of the diagnosis that are not frozen yet."""
         for button in self.buttons:
             button.remove()
         self.buttons = []
         found = session.diagnosis
-        taken = [] if found is None or not session.is_diagnosed else found.stand_ins
-        names = [stand_in.parameter for stand_in in taken if stand_in.parameter in session.freezable]
-        self._place.visible = bool(names)
+        can = [name for name in session.freezable if name not in session.step.frozen]
+        taken = [] if found is None else [stand_in for stand_in in found.stand_ins if stand_in.parameter in can]
+        self._place.visible = bool(taken)
         with self._place:
-            for name in names:
-                self.buttons.append(self._button(name))
+            for stand_in in taken:
+                self.buttons.append(self._button(stand_in.parameter, stand_in.in_model))
 
-    def _button(self, name: str) -> Any:
-        button = self._gui.add_button(f"Freeze {name}", color="gray", icon=viser.Icon.SNOWFLAKE)
-        button.on_click(lambda _: self._freeze(name, True))
+    def _button(self, name: str, value: float) -> Any:
+        label = f"Freeze {name} at {cell(value)}"
+        button = self._gui.add_button(label, color="gray", icon=viser.Icon.SNOWFLAKE)
+        button.on_click(lambda _: self._freeze(name, value))
         return button

@@ -12,6 +12,7 @@ from btr._studio.panels import floors
 from btr._studio.replay import Errors
 from btr._studio.step import Step
 from btr._tables import cell
+from btr.model import Model
 from btr.results import DiagnoseResult
 
 DONE_S = 8.0
@@ -69,11 +70,13 @@ def by_hand(errors: Errors) -> str:
     return f"Set by hand: the error is {floors(learn)} noise floors{held_out}."
 
 
-def frozen(name: str, step: Step) -> str:
-    """Whether fits and diagnoses keep a parameter from now on."""
+def frozen(name: str, step: Step, first: Model) -> str:
+    """Whether fits and diagnoses keep a parameter from now on, and what the first model has."""
     if name not in step.frozen:
         return f"{name} is free again: the next fit and diagnosis estimate it."
-    return f"{name} is frozen at {cell(step.model.values[name])}: the next fit and diagnosis keep it."
+    value, stated = step.model.values[name], first.values[name]
+    beside = "" if value == stated else f" (in the model as it stands: {cell(stated)})"
+    return f"{name} is frozen at {cell(value)}{beside}: the next fit and diagnosis keep it."
 
 
 def diagnosed(found: Union[DiagnoseResult, None]) -> str:
@@ -81,7 +84,8 @@ def diagnosed(found: Union[DiagnoseResult, None]) -> str:
     if found is None:
         return "Diagnosis done."
     names = f" ({', '.join(found.names)})" if found.names else ""
-    return f"Diagnosis done: {found.verdict.replace('_', ' ')}{names}."
+    done = "Diagnosis cut short, so far" if found.cut_short else "Diagnosis done"
+    return f"{done}: {found.verdict.replace('_', ' ')}{names}."
 
 
 def _fall(before: Errors, after: Errors) -> str:

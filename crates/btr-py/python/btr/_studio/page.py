@@ -90,7 +90,7 @@ class Page:
         self._cancel = gui.add_button("Cancel", color="red", icon=viser.Icon.X, visible=False)
         self._told = gui.add_html("")
         self._verdict = gui.add_html("")
-        self._stand_ins = StandIns(self._server, self._on_freeze)
+        self._stand_ins = StandIns(self._server, self._on_freeze_at)
         self._doubts = LogDoubts(self._server)
         self._undo = gui.add_button("Undo", color="gray", icon=viser.Icon.ARROW_BACK_UP, disabled=True)
         self._redo = gui.add_button("Redo", color="gray", icon=viser.Icon.ARROW_FORWARD_UP, visible=False)
@@ -162,7 +162,13 @@ class Page:
         self._set_values()
         step = self._session.freeze(name) if is_frozen else self._session.free(name)
         self._changed(step)
-        self._notices.done(frozen(name, step))
+        self._notices.done(frozen(name, step, self._session.history[0].model))
+
+    def _on_freeze_at(self, name: str, value: float) -> None:
+        """Freezes a parameter at a value that the present model may not have."""
+        if self._session.model.values[name] != value and not self._is_busy:
+            self._session.set_values({name: value})
+        self._on_freeze(name, True)
 
     def _on_value(self, name: str, value: float) -> None:
         with self._lock:

@@ -210,6 +210,7 @@ def card(candidate: Candidate) -> str:
         *(f"<b>{escape(value)}</b>" for value in candidate.values),
         f"found beside {escape(', '.join(candidate.beside))}: add that first, or all" if candidate.beside else "",
         f"these logs cannot tell it from {escape(_alike(candidate))}" if candidate.alike else "",
+        f"explains these logs as well where {escape(candidate.instead)} is frozen" if candidate.instead else "",
         escape(_rest(candidate)),
         escape(facts),
     ]

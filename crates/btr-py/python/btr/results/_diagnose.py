@@ -166,7 +166,13 @@ class DiagnoseResult(Reported):
         )
         proposal = f"\nnext experiment: {experiment.sentence}" if experiment else ""
         idle = removable(self.without_effect)
-        told = [*estimates, *lines, noise, rest, *taken, *alike, like, beside, proposal, idle]
+        stopped = (
+            f"\nthe search was stopped after {self.rollouts} rollouts: what it had not tried yet may explain the logs "
+            "as well, or better"
+            if self.cut_short
+            else ""
+        )
+        told = [stopped, *estimates, *lines, noise, rest, *taken, *alike, like, beside, proposal, idle]
         return "".join(told)
 
     def _table(self) -> Rows:
