@@ -199,7 +199,8 @@ def test_a_slider_is_dragged_a_second_tab_follows_and_a_diagnosis_outlives_a_rel
 
     page.get_by_text("Frozen in fits", exact=True).click()
     page.get_by_role("checkbox", name="kp@yaw").check()
-    second.get_by_text(f"kp@yaw is frozen at {float(gain):.4g}: the next fit and diagnosis keep it.").wait_for()
+    stated = "(in the model as it stands: 20): the next fit and diagnosis keep it."
+    second.get_by_text(f"kp@yaw is frozen at {float(gain):.4g} {stated}").wait_for()
     page.get_by_text("(kp@yaw frozen) set by hand").first.wait_for()
     for _ in range(2):
         page.get_by_role("button", name="Undo", exact=True).click()
