@@ -271,8 +271,13 @@ def test_a_missing_library_is_named_with_how_to_get_it(library: str, extra: str,
 
 def test_no_probability_is_told_as_certain() -> None:
     cap = {"at_most": 0.8, "reasons": ["series"]}
-    told = [(0.999999, None, ">0.99"), (0.9, None, "0.90"), (0.001, None, "<0.01"), (0.8, cap, "at most 0.80")]
-    for share, at_most, expected in told:
+    told = [
+        (0.999999, None, ">0.99", "<0.01"),
+        (0.9, None, "0.90", "0.10"),
+        (0.001, None, "<0.01", ">0.99"),
+        (0.8, cap, "at most 0.80", "0.20"),
+    ]
+    for share, at_most, expected, rest in told:
         support = {"probability": share, "probability_cap": at_most, "established": True, "alike": [], "parameters": []}
         rivals = [{"name": "backlash@yaw", "probability": 1.0 - share}]
         effect = {**support, "effect": "coulomb_friction", "site": "yaw", "share": 0.9, "rivals": rivals}
@@ -280,7 +285,7 @@ def test_no_probability_is_told_as_certain() -> None:
         document |= {"error_ladder": [{"step": "+ coulomb_friction@yaw", "train": 1.0, "held_out": None}]}
         found = btr.DiagnoseResult({**document, "effects": [effect]}, None, None, None)._finding()
         assert f"probability {expected}, explains" in found
-        assert "backlash@yaw 0\n" not in found and "e-" not in found
+        assert f"the rest of the probability: backlash@yaw {rest}" in found
 
 
 def test_a_small_share_of_a_large_error_is_told_by_how_much_the_error_fell() -> None:

@@ -201,7 +201,7 @@ pub struct DiagnoseReport {
     /// would explain the logs as well with these values.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stand_ins: Vec<StandIn>,
-    /// Where an error is left: channels whose noise seems to be stated too low.
+    /// Where an error is left that follows no law: channels whose noise seems to be stated too low.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub noise_stated_low: Vec<StatedLow>,
     /// A law for the remaining error, where one is left.

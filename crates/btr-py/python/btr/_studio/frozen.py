@@ -1,4 +1,4 @@
-"""Which free parameters fits and diagnoses keep: boxes for all of them, and buttons for those that stand in."""
+"""Which free parameters are frozen: a box for each, and buttons for those that may stand in for an effect."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ class Frozen:
         box = self._gui.add_checkbox(name, False)
 
         async def ticked(event: Any) -> None:
-            # What the page itself shows is no change. Of two boxes that are ticked at once, the first shows all of
-            # them as they were: the value is read before that, and the work is not for this thread.
+            # A change by the page itself has no client. The value is read at once, as `load` after a change of another
+            # box may reset this one before a worker runs. The work is done by a worker: this is the server's thread.
             if event.client is not None:
                 asyncio.get_running_loop().run_in_executor(None, self._freeze, name, bool(box.value))
 

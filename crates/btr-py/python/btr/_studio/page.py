@@ -107,8 +107,8 @@ class Page:
             self._commands = gui.add_html("")
         self._ask.on_click(lambda _: self._start("simulating suspects", self._diagnose))
         self._cancel.on_click(lambda _: self._session.cancel())
-        self._undo.on_click(lambda _: self._on_undo())
-        self._redo.on_click(lambda _: self._on_redo())
+        self._undo.on_click(lambda _: self._on_move(self._session.undo, "Undone"))
+        self._redo.on_click(lambda _: self._on_move(self._session.redo, "Done again"))
         self._fit.on_click(lambda _: self._start("fitting", lambda: self._fitted(self._session.fit)))
         self._save.on_click(lambda _: self._start("saving", self._write))
 
@@ -140,19 +140,13 @@ class Page:
             self._on_end()
         self._view.go_to(number)
 
-    def _on_undo(self) -> None:
+    def _on_move(self, move: Callable[[], Step], told: str) -> None:
+        """Goes to another step of the history."""
         if self._is_busy:
             return
-        step = self._session.undo()
+        step = move()
         self._changed(step)
-        self._notices.done(f"Undone. The model now: {step.title}.")
-
-    def _on_redo(self) -> None:
-        if self._is_busy:
-            return
-        step = self._session.redo()
-        self._changed(step)
-        self._notices.done(f"Done again. The model now: {step.title}.")
+        self._notices.done(f"{told}. The model now: {step.title}.")
 
     def _on_freeze(self, name: str, is_frozen: bool) -> None:
         if self._is_busy:

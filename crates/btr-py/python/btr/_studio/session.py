@@ -32,7 +32,7 @@ PART_TAKES_S = 0.01
 SHOWN_S = 1.0
 """How much of a simulation is shown after the time that is shown, at least."""
 MOST_FITS = 20
-"""How many fits are kept, so that the same is not fitted again."""
+"""How many fits are kept: one that is asked for again is not computed again."""
 MOST_OF_RUN = 0.7
 """Share of a run from which on the whole is simulated at once."""
 
@@ -309,7 +309,7 @@ class Session:
     def freeze(self, name: str) -> Step:
         """Has fits and diagnoses keep a parameter at its present value. Raises `BtrError` if it is not `freezable`."""
         if name not in self.freezable:
-            raise wrong(f"{name} is no free parameter of the model", "freeze one that is, and has a value of its own")
+            raise wrong(f"{name} cannot be frozen", "freeze a free parameter of the model that has a value of its own")
         return self._with_frozen(f"{name} frozen", {*self.step.frozen, name})
 
     def free(self, name: str) -> Step:

@@ -51,7 +51,8 @@ class DiagnoseResult(Reported):
     """If the verdict explains the error: free parameters that ended far from the model's values, while an effect would
     explain the logs as well with these values."""
     noise_stated_low: list[doc.StatedLow]
-    """If nothing explains the error and it is white: channels whose readings show more noise than the model states."""
+    """If nothing explains the error, no law is found and it is white: channels whose readings show more noise than the
+    model states."""
     residual_law: doc.LawReport | None
     """A formula for an error that no effect explains: `law`, `site` and `on` are arguments of `Model.add_law`, for a
     model that has the effects in `beside`. None if there is none."""
